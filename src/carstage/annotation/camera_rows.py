@@ -11,6 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage.annotation.classes import TWO_WHEELERS
+from carstage.annotation.in_picture import (
+    corner_depths,
+    corner_pixels,
+    near_picture,
+    outlines,
+    rays_of,
+    regions,
+    wide_regions,
+)
 from carstage.annotation.pixels import (
     BODY_REACH_M,
     BOX_MARGIN_M,
@@ -26,13 +35,7 @@ from carstage.annotation.pixels import (
 from carstage.annotation.riders import rider_camera_row, rider_pixels
 from carstage.annotation.rig import LabelledCamera
 from carstage.annotation.scene import ActorFacts, Scene
-from carstage.annotation.silhouette import (
-    Silhouette,
-    corner_regions,
-    may_be_in_image,
-    pixel_regions,
-    silhouettes,
-)
+from carstage.annotation.silhouette import Silhouette
 from carstage.annotation.stage_vo import (
     LEVEL_UNKNOWN,
     count_vertices,
@@ -47,7 +50,6 @@ from carstage.geometry import (
     multiply,
     observation_angle,
     optical_from_world,
-    project,
     proper_box_rotation,
     quaternion_from_matrix,
     rotate,
@@ -94,7 +96,7 @@ def camera_rows(
         spec: what is asked for.
         has_points: ``(N,)`` whether enough LiDAR points lie in each box.
     """
-    if not camera.pinhole:
+    if not camera.is_projective:
         return []
     labels = spec.labels
     world_from_sensor = camera.mount.world_from_sensor(scene.world, scene.world_from_ego)
@@ -108,14 +110,14 @@ def camera_rows(
     keep &= np.array([fact.info.id != carrier_id for fact in scene.facts], dtype=np.bool_)
     chosen = np.flatnonzero(keep)
     corners = _to_optical(optical, scene.corners[chosen])
-    near = may_be_in_image(corners, camera.k, camera.width, camera.height)
+    near = near_picture(camera, corners)
     chosen, corners = chosen[near], corners[near]
-    found = silhouettes(corners, camera.k, camera.width, camera.height)
+    found = outlines(camera, corners)
     seen = [i for i, outline in enumerate(found) if outline is not None]
     if not seen:
         return []
     chosen, corners = chosen[seen], corners[seen]
-    outlines = [outline for outline in found if outline is not None]
+    in_picture = [outline for outline in found if outline is not None]
     columns = _columns(scene, chosen, corners, optical, evidence, camera, labels)
     counted: list[PixelVisibility | None] = [None] * len(seen)
     if labels.pixels:
@@ -123,7 +125,7 @@ def camera_rows(
     shared = shared_low_ids(scene.world.actor_id)
     rows = []
     for i, (actor, outline, pixels) in enumerate(
-        zip(chosen.tolist(), outlines, counted, strict=True)
+        zip(chosen.tolist(), in_picture, counted, strict=True)
     ):
         info = scene.facts[actor].info
         row: dict[str, Any] = {
@@ -180,10 +182,10 @@ def _columns(
     optical_from_box = multiply(optical[:3, :3], scene.world_from_box[chosen, :3, :3])
     extent = scene.extent[chosen]
     heading = rotation_y(optical_from_box)
-    uv = project(corners, camera.k)
+    uv = corner_pixels(camera, corners)
     counts = count_vertices(
         uv,
-        corners[..., 2],
+        corner_depths(camera, corners),
         evidence.depth_m,
         tolerance_m=labels.stage_vo_tolerance_m,
         vote=labels.stage_vo_vote,
@@ -235,7 +237,7 @@ def _count_pixels(
     poses, extents = scene.world_from_box[chosen], scene.extent[chosen]
     reaches = _reaches(scene, chosen, optical, camera)
     inflated = _to_optical(optical, box_corners(poses, extents + BOX_MARGIN_M))
-    regions = pixel_regions(inflated, camera.k, camera.width, camera.height)
+    found, rays = regions(camera, inflated), rays_of(camera)
     box_from_world = np.swapaxes(poses[:, :3, :3], -1, -2)
     to_camera = world_from_sensor[:3, 3] - poses[:, :3, 3]
     origins = rotate(box_from_world, to_camera)
@@ -247,22 +249,32 @@ def _count_pixels(
             box_from_optical=box_from_optical[i],
             extent_m=extents[i],
             ground_m=float(scene.ground[actor]),
-            region=regions[i],
+            region=found[i],
             reach=reaches.get(actor),
         )
         actor_id = None if fact.is_static else fact.info.id
-        yield measure(view, camera.k, evidence, actor_id, fact.tags)
+        yield measure(view, camera.k, evidence, actor_id, fact.tags, rays)
 
 
 def _reaches(
     scene: Scene, chosen: NDArray[np.int64], optical: FloatArray, camera: LabelledCamera
 ) -> dict[int, Reach]:
-    """Of walkers whose box is a capsule's: where their arms and legs may be."""
-    walkers = [i for i in chosen.tolist() if scene.facts[i].box.source == "capsule"]
-    half_m = scene.extent[walkers] + BODY_REACH_M
-    corners = _to_optical(optical, box_corners(scene.world_from_box[walkers], half_m))
-    regions = corner_regions(corners, camera.k, camera.width, camera.height)
-    return {actor: Reach(*of) for actor, *of in zip(walkers, half_m, regions, strict=True)}
+    """Of walkers whose box is a capsule's: where their arms and legs may be.
+
+    A lens's pixel takes its id from the nearest recorded one, which may look past the box's edge by
+    a pixel. So all objects in its pictures reach as far.
+    """
+    is_walker = [scene.facts[i].box.source == "capsule" for i in chosen.tolist()]
+    actors = chosen if camera.lens is not None else chosen[is_walker]
+    half_m = scene.extent[actors] + np.where(
+        np.isin(actors, chosen[is_walker])[:, None], BODY_REACH_M, 0.0
+    )
+    if camera.lens is not None:
+        away_m = length(transform_points(optical, scene.world_from_box[actors, :3, 3]))
+        half_m = half_m + BOX_MARGIN_M + (away_m / camera.lens.fx)[:, None]
+    corners = _to_optical(optical, box_corners(scene.world_from_box[actors], half_m))
+    around = wide_regions(camera, corners)
+    return {actor: Reach(*of) for actor, *of in zip(actors.tolist(), half_m, around, strict=True)}
 
 
 def _rectangles(

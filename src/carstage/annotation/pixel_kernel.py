@@ -22,6 +22,7 @@ _LONGEST: Final = 7
 def classify(
     region: tuple[int, int, int, int],
     lens: tuple[float, float, float, float],
+    rays: NDArray[np.float64],
     eye_box: NDArray[np.float64],
     box_from_optical: NDArray[np.float64],
     half_m: NDArray[np.float64],
@@ -43,6 +44,8 @@ def classify(
     Args:
         region: x0, y0, x1, y1 whole pixels.
         lens: f_x, f_y, c_x, c_y (px).
+        rays: ``(H, W, 3)`` of the pixels' centres, which times the depth give the point; NaN where
+            the picture shows nothing. Empty: a pinhole's, of ``lens``.
         eye_box: ``(3,)`` camera position in box axes.
         box_from_optical: ``(3, 3)``.
         half_m: ``(3,)`` half sizes of the inflated box.
@@ -67,7 +70,7 @@ def classify(
     x0, y0, x1, y1 = region
     from_x, from_y = x0 - reach[0], y0 - reach[1]
     fx, fy, cx, cy = lens
-    by_id, by_tag = instance_id.size > 0, tag.size > 0
+    by_id, by_tag, bent = instance_id.size > 0, tag.size > 0, rays.size > 0
     visible, outside, front, hull = 0, 0, 0, 0
     left, top, right, bottom = own.shape[1], own.shape[0], 0, 0
     low = -half_m - eye_box
@@ -75,11 +78,15 @@ def classify(
     width = x1 - x0
     enters, leaves, slopes = np.empty(width), np.empty(width), np.empty(width)
     for j in range(y0, y1):
+        if bent:
+            _cross_box(
+                rays[j, x0:x1], box_from_optical, low, high, z_near_m, enters, leaves, slopes
+            )
         y = (j + 0.5 - cy) / fy
         row_x = box_from_optical[0, 1] * y + box_from_optical[0, 2]
         row_y = box_from_optical[1, 1] * y + box_from_optical[1, 2]
         row_z = box_from_optical[2, 1] * y + box_from_optical[2, 2]
-        for i in range(width):  # without branches, so that several pixels go at once
+        for i in range(0 if bent else width):  # without branches, so that several pixels go at once
             x = (x0 + i + 0.5 - cx) / fx
             along_x = box_from_optical[0, 0] * x + row_x
             along_y = box_from_optical[1, 0] * x + row_y
@@ -108,7 +115,7 @@ def classify(
             mine = mine and (not by_id or instance_id[j, x0 + i] == wanted_id)
             if mine and not enter - gate_m <= depth <= leave + gate_m:
                 mine = by_id and _reached(
-                    x0 + i, j, depth, lens, eye_box, box_from_optical, reach_m
+                    x0 + i, j, depth, lens, rays, eye_box, box_from_optical, reach_m
                 )
             if mine and not (drop_road and at_road):
                 u, v = i + from_x, j - y0 + from_y
@@ -128,7 +135,7 @@ def classify(
                 if by_tag and not allowed[tag[j, i]]:
                     continue
                 depth = float(depth_m[j, i])
-                if _reached(i, j, depth, lens, eye_box, box_from_optical, reach_m):
+                if _reached(i, j, depth, lens, rays, eye_box, box_from_optical, reach_m):
                     own[v, u] = True
                     outside += 1
                     left, right = min(left, u), max(right, u + 1)
@@ -137,23 +144,54 @@ def classify(
 
 
 @compiled
+def _cross_box(
+    rays: NDArray[np.float64],
+    box_from_optical: NDArray[np.float64],
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    z_near_m: float,
+    enters: NDArray[np.float64],
+    leaves: NDArray[np.float64],
+    slopes: NDArray[np.float64],
+) -> None:
+    """Where the rays of a row of a lens's pixels enter and leave a box; never, of those without."""
+    for i in range(rays.shape[0]):
+        enter, leave, along = z_near_m, np.inf, 0.0
+        for axis in range(3):
+            along = (
+                box_from_optical[axis, 0] * rays[i, 0] + box_from_optical[axis, 1] * rays[i, 1]
+                + box_from_optical[axis, 2] * rays[i, 2]
+            )  # fmt: skip
+            inverse = 1.0 / (along if along != 0.0 else _TINY)
+            a, b = inverse * low[axis], inverse * high[axis]
+            enter, leave = max(enter, min(a, b)), min(leave, max(a, b))
+        missing = np.isnan(rays[i, 0])
+        enters[i] = np.inf if missing else enter
+        leaves[i] = 0.0 if missing else leave
+        slopes[i] = along
+
+
+@compiled
 def _reached(
     i: int,
     j: int,
     depth: float,
     lens: tuple[float, float, float, float],
+    rays: NDArray[np.float64],
     eye_box: NDArray[np.float64],
     box_from_optical: NDArray[np.float64],
     reach_m: NDArray[np.float64],
 ) -> bool:
     """Whether what a pixel shows lies within an object's reach."""
-    x, y = (i + 0.5 - lens[2]) / lens[0], (j + 0.5 - lens[3]) / lens[1]
+    x, y, z = (i + 0.5 - lens[2]) / lens[0], (j + 0.5 - lens[3]) / lens[1], 1.0
+    if rays.size > 0:
+        x, y, z = rays[j, i, 0], rays[j, i, 1], rays[j, i, 2]
     for axis in range(3):
         along = (
             box_from_optical[axis, 0] * x + box_from_optical[axis, 1] * y
-            + box_from_optical[axis, 2]
+            + box_from_optical[axis, 2] * z
         )  # fmt: skip
-        if abs(eye_box[axis] + depth * along) > reach_m[axis]:
+        if not abs(eye_box[axis] + depth * along) <= reach_m[axis]:
             return False
     return True
 

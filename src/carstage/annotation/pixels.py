@@ -34,6 +34,8 @@ GROUND_STRIP_M: Final = 0.05
 
 _NO_IDS: Final = np.empty((0, 0), dtype=np.uint16)
 _NO_TAGS: Final = np.empty((0, 0), dtype=np.uint8)
+_NO_RAYS: Final = np.empty((0, 0, 3), dtype=np.float64)
+_NO_RAYS.flags.writeable = False  # as those of a lens: one compiled kernel serves both
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +103,7 @@ class ImageEvidence:
     """The images of one camera in one frame, decoded once.
 
     Attributes:
-        depth_m: ``(H, W)`` float32 z-depth.
+        depth_m: ``(H, W)`` float32 depth in the camera model's sense: z-depth of a pinhole.
         instance_id: ``(H, W)`` uint16, low 16 bits of actor ids; None: use the depth method.
         tag: ``(H, W)`` uint8 semantic tags, or None.
         rider_tag: what riders carry; None: the server has no tag of their own.
@@ -153,12 +155,14 @@ def measure(
     evidence: ImageEvidence,
     actor_id: int | None,
     tags: NDArray[np.bool_],
+    rays: FloatArray | None = None,
 ) -> PixelVisibility:
     """Count an object's own, front and background pixels.
 
     The ray through a pixel's centre is ``d = K^-1 (i + 0.5, j + 0.5, 1)``: its third component is
-    1, so that the ray's parameter is z-depth. A slab test gives where it enters and leaves the
-    inflated box; it misses the box exactly where the centre lies outside the silhouette.
+    1, so that the ray's parameter is z-depth; rays of a lens are given. A slab test gives where it
+    enters and leaves the inflated box; it misses the box exactly where the centre lies outside the
+    silhouette.
 
     - Own by ``instance``: the id is the object's, the tag one of its class, the depth within the
       box or 5 cm off it (untagged geometry is transparent to the instance camera and ids collide).
@@ -175,6 +179,7 @@ def measure(
         actor_id: the object's id; its low 16 bits are looked for. None: no pixel carries its id, as
             with objects of the level.
         tags: ``(256,)`` which tags the object's pixels may carry.
+        rays: ``(H, W, 3)`` rays of the pixels of a lens, not to be written to; None: of ``k``.
     """
     # Half a second to import, which only processes that count pixels shall need.
     from carstage.annotation.pixel_kernel import classify
@@ -187,6 +192,7 @@ def measure(
     within_px, outside_px, front_px, hull_px, left, top, right, bottom = classify(
         view.region,
         (float(k[0, 0]), float(k[1, 1]), float(k[0, 2]), float(k[1, 2])),
+        _NO_RAYS if rays is None else rays,
         view.origin_box,
         view.box_from_optical,
         view.extent_m + BOX_MARGIN_M,

@@ -6,9 +6,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from carstage.errors import AnnotationError
-from carstage.geometry import FloatArray, intrinsics, is_pinhole, multiply, pose_matrix
+from carstage.geometry import (
+    FloatArray,
+    Lens,
+    intrinsics,
+    is_pinhole,
+    lens_of,
+    multiply,
+    pose_matrix,
+)
 from carstage.rawlog.reader import WorldFrame
-from carstage.spec import EGO, RIGID, SensorSpec
+from carstage.spec import EGO, RIGID, LensSpec, SensorSpec
 
 
 def camera_geometry(attributes: Mapping[str, str]) -> tuple[int, int, float]:
@@ -25,6 +33,18 @@ def camera_geometry(attributes: Mapping[str, str]) -> tuple[int, int, float]:
             f"A camera's size or field of view is not in its attributes: {error}.",
             "Plan the episode again.",
         ) from error
+
+
+def planned_lens(spec: LensSpec) -> Lens:
+    """The camera model of a sensor as it is planned."""
+    return lens_of(
+        spec.model,
+        (spec.width, spec.height),
+        (spec.fx, spec.fy),
+        (spec.cx, spec.cy),
+        spec.distortion,
+        spec.max_angle_deg,
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,9 +115,11 @@ class LabelledCamera:
         width: of the image (px).
         height: of the image (px).
         k: ``(3, 3)`` intrinsics.
-        pinhole: no lens distortion, so that boxes can be projected.
+        pinhole: no lens distortion, so that ``k`` alone projects.
         depth: stream of the depth camera with the same pose and intrinsics.
         instance: stream of the instance camera, or None.
+        lens: the camera model that its pictures are re-projected to; None: a pinhole, or a lens
+            of CARLA's own attributes that nothing can be projected by.
     """
 
     mount: Mount
@@ -107,6 +129,12 @@ class LabelledCamera:
     pinhole: bool
     depth: str
     instance: str | None
+    lens: Lens | None = None
+
+    @property
+    def is_projective(self) -> bool:
+        """Whether boxes can be projected."""
+        return self.pinhole or self.lens is not None
 
     @classmethod
     def from_spec(cls, sensor: SensorSpec, actor_ids: Mapping[str, int]) -> LabelledCamera:
@@ -128,12 +156,18 @@ class LabelledCamera:
             raise AnnotationError(
                 f"An attribute of camera {sensor.id} is not a number: {error}."
             ) from error
+        k, lens = intrinsics(width, height, fov_deg), None
+        if sensor.lens is not None:
+            lens = planned_lens(sensor.lens)
+            width, height, k = lens.width, lens.height, lens.k
+            pinhole = sensor.lens.is_pinhole
         return cls(
             mount=Mount.from_spec(sensor, actor_ids),
             width=width,
             height=height,
-            k=intrinsics(width, height, fov_deg),
+            k=k,
             pinhole=pinhole,
             depth=depth,
             instance=sensor.instance,
+            lens=None if pinhole else lens,
         )

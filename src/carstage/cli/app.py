@@ -29,6 +29,7 @@ from carstage.cli.output import (
     result_json,
 )
 from carstage.cli.record import record as record_command
+from carstage.cli.rig import rig_app
 from carstage.cli.runs import runs_app
 from carstage.cli.split import split
 
@@ -54,6 +55,7 @@ app.command()(export)
 app.command()(gui)
 app.command("record")(record_command)
 app.command()(split)
+app.add_typer(rig_app, name="rig")
 app.add_typer(runs_app, name="runs")
 app.add_typer(dataset_app, name="dataset")
 

@@ -24,12 +24,13 @@ from carstage.config.scene import (
     MapConfig,
     Scenario,
 )
-from carstage.config.sensors import Sensor
+from carstage.config.sensors import CameraSensor, Sensor
 from carstage.config.servers import EmbeddedServerConfig, ServerConfig
 from carstage.config.supervision import Supervision
 from carstage.config.timing import Timing, check_substepping
 from carstage.config.traffic import Pedestrians, Traffic, Vehicles
 from carstage.config.weather import DEFAULT_PRESET, WeatherConfig
+from carstage.errors import BadInputError
 from carstage.releases import refusal
 from carstage.sensor_kinds.model import COLOUR, POINTS, TAGGED_POINTS
 from carstage.spec import SavedSteps
@@ -335,6 +336,11 @@ class Config(Section):
                     "attributes",
                     "rotation_frequency_hz",
                 )
+        if isinstance(sensor, CameraSensor) and sensor.lens is not None:
+            try:
+                sensor.lens.source(sensor.picture_size(self.image_size))
+            except BadInputError as error:
+                raise problem(error.message, error.hint, *path, "lens") from None
         if sensor.attachment in SPRING_ARMS and self._is_labelled(sensor):
             raise problem(
                 "a spring arm swings, so labels would not fit the picture.",

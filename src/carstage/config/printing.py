@@ -82,6 +82,13 @@ def _rig_reference(schema: Schema) -> Iterator[str]:
     yield from _table(section, schema, "")
     yield from ("", "### rig.sensors[].pose", "", _text(definitions["Pose"]), "")
     yield from _table(definitions["Pose"], schema, "")
+    lens = definitions["RgbSensor"]["properties"]["lens"]
+    models = next(part for part in lens["anyOf"] if "oneOf" in part)["discriminator"]["mapping"]
+    yield from ("", "### rig.sensors[].lens", "", f"Of cameras. {_text(lens)}")
+    for model, reference in models.items():
+        of_model = _resolve({"$ref": reference}, schema)
+        yield from ("", f"#### rig.sensors[].lens: model {model}", "", _text(of_model), "")
+        yield from _table(of_model, schema, "")
     yield from ("", "### Sensor kinds", "", "| kind | CARLA | what |", "|---|---|---|")
     users: dict[str, list[str]] = {}
     for kind, cls in SENSOR_KINDS.items():

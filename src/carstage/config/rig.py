@@ -8,7 +8,16 @@ from pydantic import Strict, model_validator
 
 from carstage.config.fields import Section, problem, setting
 from carstage.config.presets import RIG_PRESETS, RigPreset
-from carstage.config.sensors import SENSOR_KINDS, AnySensor, Pose, Sensor
+from carstage.config.sensors import (
+    DEPTH_SUFFIX,
+    INSTANCE_SUFFIX,
+    SENSOR_KINDS,
+    AnySensor,
+    CameraSensor,
+    Pose,
+    Sensor,
+)
+from carstage.spec.lenses import FACE_SUFFIXES
 
 
 class Rig(Section):
@@ -40,7 +49,29 @@ class Rig(Section):
                     "id",
                 )
             taken.add(sensor.id.lower())
+        for position, sensor in enumerate(self.sensors):
+            owner, _, face = sensor.id.rpartition(".")
+            if face in FACE_SUFFIXES and owner in self._cubes:
+                raise problem(
+                    f"{sensor.id!r} is a face of the cube of {owner!r}.",
+                    "Give it another id.",
+                    "sensors",
+                    position,
+                    "id",
+                )
         return self
+
+    @property
+    def _cubes(self) -> set[str]:
+        """Ids of the cameras that faces of a cube are recorded for, and of their hidden twins."""
+        cubes = {
+            sensor.id
+            for sensor in self.all_sensors
+            if isinstance(sensor, CameraSensor)
+            and sensor.lens is not None
+            and sensor.lens.needs_cube
+        }
+        return cubes | {name + twin for name in cubes for twin in (DEPTH_SUFFIX, INSTANCE_SUFFIX)}
 
     @property
     def preset_sensors(self) -> tuple[Sensor, ...]:

@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Discriminator, create_model, model_validator
 
-from carstage.config.attributes import SensorAttributes, attributes_model
+from carstage.config.attributes import SensorAttributes, attributes_model, carla_text
 from carstage.config.fields import Section, problem, setting, shortened
+from carstage.config.lenses import AnyLens
 from carstage.sensor_kinds import SensorKind, kinds, sensor_kind
+from carstage.sensor_kinds.model import NORMALS
 from carstage.spec.sensors import EGO, ON_MAP, RIGID, SensorSpec
 
 #: Length of a stream's name in the raw log; twins append one of these to their sensor's id.
@@ -32,6 +34,15 @@ _ID_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 #: Families of actors that can carry a sensor.
 _CARRIERS = ("vehicle.", "walker.", "traffic.", "static.")
 _FARTHEST_M = 100_000.0
+LONGEST_CUBE_ID = LONGEST_SENSOR_ID - len(".x")
+#: What each face of a cube would do by itself, and what is set in its place.
+_WITHOUT_SEAMS: dict[str, str | float] = {
+    "exposure_mode": "manual",
+    "bloom_intensity": 0.0,
+    "lens_flare_intensity": 0.0,
+    "motion_blur_intensity": 0.0,
+    "chromatic_aberration_intensity": 0.0,
+}
 
 
 def _metres(title: str, sentence: str) -> Any:
@@ -165,6 +176,96 @@ class Sensor(Section):
         """What the table knows of its kind."""
         return sensor_kind(self.kind)
 
+    def carla(self, *, fps: float, image_size: tuple[int, int]) -> dict[str, str]:
+        """Attribute strings that it is spawned with, in a run with that default image size."""
+        return self.attributes.carla(fps=fps, image_size=image_size)
+
+
+class CameraSensor(Sensor):
+    """What cameras have beyond: a model that is not CARLA's."""
+
+    lens: AnyLens | None = setting(
+        None,
+        title="Camera model",
+        description="A model that the recorded pictures are re-projected to; left out: CARLA's "
+        "pinhole of attributes.fov_deg.",
+        group="rig",
+    )
+
+    @model_validator(mode="after")
+    def _check_lens(self) -> CameraSensor:
+        if self.lens is None:
+            return self
+        given = {
+            name
+            for name in self.attributes.model_fields_set
+            if getattr(self.attributes, name) is not None
+        }
+        for name in sorted(given):
+            if name == "fov_deg" or name.startswith("lens_"):
+                raise problem(
+                    "the sensor's `lens` says what its picture shows.",
+                    "Leave it out.",
+                    "attributes",
+                    name,
+                )
+        if self.row.content == NORMALS:
+            raise problem(
+                "normals are in the axes of what recorded them, so they are not re-projected.",
+                "Leave lens out.",
+                "lens",
+            )
+        if self.lens.needs_cube:
+            self._check_cube()
+        return self
+
+    def _check_cube(self) -> None:
+        if self.attachment != RIGID:
+            raise problem(
+                "the faces of a cube must keep their places beside each other.",
+                "Use `rigid`.",
+                "attachment",
+            )
+        if len(self.id) > LONGEST_CUBE_ID:
+            raise problem(
+                f"{shortened(repr(self.id))} has {len(self.id)} characters, and the faces of its "
+                "cube get two more.",
+                f"Use at most {LONGEST_CUBE_ID}.",
+                "id",
+            )
+        for name, value in _WITHOUT_SEAMS.items():
+            given = getattr(self.attributes, name, None)
+            if given not in (None, value):
+                raise problem(
+                    "each face of the cube would do this by itself, and seams would show.",
+                    f"Leave it out; it is {value} here.",
+                    "attributes",
+                    name,
+                )
+
+    def carla(self, *, fps: float, image_size: tuple[int, int]) -> dict[str, str]:
+        """See ``Sensor.carla``: with a lens those of the picture that it is re-projected from."""
+        strings = super().carla(fps=fps, image_size=image_size)
+        if self.lens is None:
+            return strings
+        source = self.lens.source(self.picture_size(image_size))
+        if self.lens.needs_cube:
+            names = {row.name: row.carla for row in self.row.attributes.rows}
+            for name, value in _WITHOUT_SEAMS.items():
+                carla = names.get(name)
+                if carla is not None:
+                    strings[carla] = carla_text(value)
+        return {
+            **strings,
+            "image_size_x": str(source.width),
+            "image_size_y": str(source.height),
+            "fov": carla_text(source.fov_deg),
+        }
+
+    def picture_size(self, image_size: tuple[int, int]) -> tuple[int, int]:
+        """Width and height of its pictures in a run with that default image size."""
+        return getattr(self.attributes, "image_size", None) or image_size
+
 
 def _model(kind: SensorKind) -> type[Sensor]:
     """The model of a kind."""
@@ -179,7 +280,7 @@ def _model(kind: SensorKind) -> type[Sensor]:
     }
     return create_model(
         "".join(part.capitalize() for part in kind.name.split("_")) + "Sensor",
-        __base__=Sensor,
+        __base__=CameraSensor if kind.is_camera else Sensor,
         __doc__=kind.summary,
         __module__=__name__,
         **fields,

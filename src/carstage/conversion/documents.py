@@ -8,13 +8,13 @@ from typing import Any
 
 import pyarrow as pa
 
-from carstage.annotation.rig import Mount, camera_geometry
+from carstage.annotation.rig import Mount, camera_geometry, planned_lens
 from carstage.conversion.sensors import SensorPlan
 from carstage.errors import ConversionError
-from carstage.geometry import intrinsics
+from carstage.geometry import Lens, horizontal_fov_deg, intrinsics
 from carstage.rawlog.clock import elapsed_s
 from carstage.rawlog.reader import ActorInfo
-from carstage.spec import EpisodeSpec
+from carstage.spec import EpisodeSpec, SensorSpec
 
 FORMAT_VERSION = 1
 _EPISODE_KEYS = (
@@ -97,6 +97,8 @@ def calibration_document(spec: EpisodeSpec, plan: SensorPlan, ego: ActorInfo) ->
                 "fov_deg": fov_deg,
                 "K": intrinsics(width, height, fov_deg).tolist(),
             }
+        if sensor.lens is not None:
+            entry |= lens_entries(planned_lens(sensor.lens), sensor)
         twins = {"depth": sensor.depth, "instance": sensor.instance}
         sensors[written.id] = {
             **entry,
@@ -110,6 +112,24 @@ def calibration_document(spec: EpisodeSpec, plan: SensorPlan, ego: ActorInfo) ->
         "rotation_deg": ego.box_rotation_deg.tolist(),
     }
     return {"format_version": FORMAT_VERSION, "ego_box": box, "sensors": sensors}
+
+
+def lens_entries(lens: Lens, sensor: SensorSpec) -> dict[str, Any]:
+    """What the calibration says of a camera whose pictures are re-projected."""
+    assert sensor.lens is not None
+    return {
+        "width": lens.width,
+        "height": lens.height,
+        "fov_deg": horizontal_fov_deg(lens),
+        "K": lens.k.tolist(),
+        "lens": {
+            "model": sensor.lens.model,
+            "distortion": list(lens.distortion),
+            "max_angle_deg": sensor.lens.max_angle_deg,
+            "depth": "range" if lens.depth_is_range else "z",
+            "recorded_from": list(sensor.streams),
+        },
+    }
 
 
 def ledger_table(
@@ -148,7 +168,12 @@ def ledger_table(
             "timestamp_s": elapsed_s(spec, start_s, tick, entry["timestamp_s"]),
         }
         for sensor in plan.written:
-            state = entry["sensors"].get(sensor.id, {"state": "off", "reason": None})
+            states = [
+                entry["sensors"].get(stream, {"state": "off", "reason": None})
+                for stream in sensor.streams
+            ]
+            # A picture that lacks a face of its cube is missing as that face is.
+            state = next((one for one in states if one["state"] != "ok"), states[0])
             row[f"{sensor.id}.state"] = state["state"]
             row[f"{sensor.id}.reason"] = state["reason"]
         rows.append(row)

@@ -348,7 +348,7 @@ class EpisodeConversion:
         if stream not in (WORLD, LEDGER):  # `finish` reads those
             self._unread.add((stream, segment))
         for sensor in self._plan.written:
-            if self._is_ready(segment, sensor.id, {sensor.id, LEDGER}):
+            if self._is_ready(segment, sensor.id, {*sensor.streams, LEDGER}):
                 self._tasks[segment, sensor.id] = self._submit(
                     encode_segment, self.raw_folder, self.attempt_files, sensor, segment
                 )
@@ -373,7 +373,7 @@ class EpisodeConversion:
     def _is_read(self, stream: str, segment: int) -> bool:
         """Whether all work that reads a stream's segment is done, and well."""
         tasks = [_LABELS] if stream in self._plan.label_streams else []
-        tasks += [sensor.id for sensor in self._plan.written if sensor.id == stream]
+        tasks += [sensor.id for sensor in self._plan.written if stream in sensor.streams]
         return all(_is_well_done(self._tasks.get((segment, task))) for task in tasks)
 
     def _frames_in(self, first_tick: int, end_tick: int) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zipfile
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from carstage.codecs import codec_for
 from carstage.codecs.codec import image_bgra
 from carstage.conversion.lane_lines import LaneLineMaker
 from carstage.conversion.occupancy import occupancy_files, part_path
+from carstage.conversion.reprojection import Picture, record_picture
 from carstage.conversion.sensors import RecordedSensor
 from carstage.conversion.surroundings import Surroundings
 from carstage.conversion.tag_numbers import dataset_payload
@@ -30,6 +31,7 @@ from carstage.rawlog.clock import elapsed_s
 from carstage.rawlog.format import KIND_DATA, LEDGER
 from carstage.rawlog.reader import EpisodeLog, Record
 from carstage.sensor_kinds.model import DETECTIONS, POINTS
+from carstage.spec import SensorSpec
 from carstage.storage.attempt_files import AttemptFiles
 from carstage.storage.marker import FileEntry
 
@@ -81,12 +83,17 @@ def encode_segment(
     _, codec = codec_for(sensor.kind, sensor.codec)
     below = f"sensors/{sensor.id}"
     server = str(log.header["server_version"])
+    planned = next(one for one in log.spec.sensors if one.id == sensor.id)
+    faces = [_by_tick(log, stream, segment) for stream in sensor.faces]
     entries = []
     with attempt_files.stream() as files:
         for record in records:
             try:
-                payload = dataset_payload(sensor.kind, server, record.payload)
-                contents = codec.encode(record.meta, payload)
+                picture = record_picture(planned, [record, *(f.get(record.tick) for f in faces)])
+                if picture is None:
+                    continue  # the ledger says why
+                meta, recorded = picture
+                contents = codec.encode(meta, dataset_payload(sensor.kind, server, recorded))
             except (ValueError, KeyError) as error:
                 raise _bad_record(sensor, record, str(error)) from error
             for suffix, content in zip(codec.suffixes, contents, strict=True):
@@ -115,13 +122,18 @@ def label_segment(raw_folder: Path, attempt_files: AttemptFiles, segment: int) -
     lines = LaneLineMaker(log) if log.spec.labels.lane_lines else None
     tables = frame_tables(lane_lines=log.spec.labels.lane_lines)
     streams = {camera: labeller.inputs(camera) for camera in labeller.labelled_cameras}
-    image_streams = {s.depth for s in streams.values()} | {
-        s.instance for s in streams.values() if s.instance is not None
+    by_id = {sensor.id: sensor for sensor in log.spec.sensors}
+    image_streams = {
+        stream
+        for inputs in streams.values()
+        for name in (inputs.depth, inputs.instance)
+        if name is not None
+        for stream in by_id[name].streams
     }
     lidars = [sensor.id for sensor in log.spec.sensors_of(POINTS)]
     radars = [sensor.id for sensor in log.spec.sensors_of(DETECTIONS)]
     by_tick = {
-        stream: {record.tick: record for record in _data(log, stream, segment)}
+        stream: _by_tick(log, stream, segment)
         for stream in dict.fromkeys([*sorted(image_streams), *lidars, *radars, *around.swept])
     }
     files: list[tuple[str, bytes]] = []
@@ -131,13 +143,15 @@ def label_segment(raw_folder: Path, attempt_files: AttemptFiles, segment: int) -
             continue
         images = {}
         for camera, inputs in streams.items():
-            depth = by_tick[inputs.depth].get(world.tick)
+            depth = _picture(by_id[inputs.depth], by_tick, world.tick)
             if depth is None:
                 continue  # the ledger says why; the labeller then has no pixels of this camera
-            instance = by_tick[inputs.instance].get(world.tick) if inputs.instance else None
+            instance = None
+            if inputs.instance:
+                instance = _picture(by_id[inputs.instance], by_tick, world.tick)
             images[camera] = CameraImages(
-                decode_depth_bgra(image_bgra(depth.meta, depth.payload)),
-                None if instance is None else image_bgra(instance.meta, instance.payload),
+                decode_depth_bgra(image_bgra(*depth)),
+                None if instance is None else image_bgra(*instance),
             )
         clouds = {
             lidar: np.frombuffer(record.payload, "<f4").reshape(-1, 4)
@@ -247,6 +261,16 @@ def label_schema(columns: Sequence[Column]) -> pa.Schema:
             for c in columns
         ]
     )
+
+
+def _picture(
+    sensor: SensorSpec, by_tick: Mapping[str, Mapping[int, Record]], tick: int
+) -> Picture | None:
+    return record_picture(sensor, [by_tick[stream].get(tick) for stream in sensor.streams])
+
+
+def _by_tick(log: EpisodeLog, stream: str, segment: int) -> dict[int, Record]:
+    return {record.tick: record for record in _data(log, stream, segment)}
 
 
 def _data(log: EpisodeLog, stream: str, segment: int) -> list[Record]:

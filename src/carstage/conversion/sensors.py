@@ -22,11 +22,18 @@ class RecordedSensor:
         id: the user's name of it, also its stream.
         kind: short name of the kind, such as ``rgb``.
         codec: name of the codec of its files; ``parquet`` for sensors that become table rows.
+        faces: streams with further faces of the cube that its pictures are re-projected from.
     """
 
     id: str
     kind: str
     codec: str
+    faces: tuple[str, ...] = ()
+
+    @property
+    def streams(self) -> tuple[str, ...]:
+        """All streams that its files are made from; its own is the first."""
+        return (self.id, *self.faces)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,9 +67,11 @@ def plan_sensors(spec: EpisodeSpec, codecs: Mapping[str, str]) -> SensorPlan:
             f"Sensors: {', '.join(sensor.id for sensor in shown)}.",
         )
     label_streams = {WORLD, LEDGER}
+    by_id = {sensor.id: sensor for sensor in spec.sensors}
     for sensor in spec.sensors:
         if sensor.labelled:
-            label_streams |= {name for name in (sensor.depth, sensor.instance) if name}
+            for name in (sensor.depth, sensor.instance):
+                label_streams |= set(by_id[name].streams) if name else set()
         around = spec.labels.birds_eye is not None or spec.labels.occupancy is not None
         swept = around and not sensor.hidden
         if sensor.content in (POINTS, DETECTIONS, VOXELS) or (swept and sensor.content in CLOUDS):
@@ -83,4 +92,4 @@ def _recorded(sensor: SensorSpec, codec: str | None) -> RecordedSensor:
             )
         return RecordedSensor(sensor.id, kind, ROWS_CODEC)
     name, _ = codec_for(kind, codec)
-    return RecordedSensor(sensor.id, kind, name)
+    return RecordedSensor(sensor.id, kind, name, sensor.faces or ())

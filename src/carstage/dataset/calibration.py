@@ -7,10 +7,22 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from carstage.codecs import codec_for
-from carstage.geometry import is_pinhole
+from carstage.errors import DatasetError
+from carstage.geometry import (
+    Z_NEAR_M,
+    BrownConrady,
+    FloatArray,
+    Lens,
+    back_project,
+    is_pinhole,
+    lens_mask,
+    lens_of,
+    pixel_rays,
+    project,
+)
 from carstage.sensor_kinds import content_of
 
 
@@ -35,6 +47,7 @@ class SensorCalibration:
         width, height: size of the image (px); 0 for what is no camera.
         fov_deg: horizontal field of view; 0 for what is no camera.
         k: ``(3, 3)`` intrinsics; zeros for what is no camera.
+        lens: the camera model that its pictures were re-projected to; None: CARLA's own.
     """
 
     id: str
@@ -53,6 +66,7 @@ class SensorCalibration:
     height: int
     fov_deg: float
     k: NDArray[np.float64]
+    lens: Lens | None = None
 
     @property
     def content(self) -> str:
@@ -72,7 +86,66 @@ class SensorCalibration:
     @property
     def is_pinhole(self) -> bool:
         """Whether it is a camera without lens distortion."""
+        if self.lens is not None:
+            return isinstance(self.lens, BrownConrady) and self.lens.is_pinhole
         return self.is_camera and is_pinhole(self.attributes)
+
+    @property
+    def is_projective(self) -> bool:
+        """Whether points of the world can be projected into its pictures."""
+        return self.is_pinhole or self.lens is not None
+
+    @property
+    def bent(self) -> Lens | None:
+        """The camera model where ``k`` alone does not project; None of a pinhole."""
+        return None if self.is_pinhole else self.lens
+
+    def project(self, points_optical: ArrayLike, z_near_m: float = Z_NEAR_M) -> FloatArray:
+        """Pixel coordinates ``(..., 2)`` of points ``(..., 3)`` in optical axes.
+
+        NaN where the camera cannot show them. Only where :attr:`is_projective`.
+
+        Args:
+            points_optical: x right, y down, z forward (m).
+            z_near_m: the near plane of a pinhole.
+        """
+        if self.bent is None:
+            return project(points_optical, self.k, z_near_m)
+        return self.bent.project(points_optical)
+
+    def back_project(self, uv: ArrayLike, depth_m: ArrayLike) -> FloatArray:
+        """Points ``(..., 3)`` in optical axes of pixel coordinates with the picture's depth (m).
+
+        NaN outside a lens's image circle. Only where :attr:`is_projective`.
+        """
+        if self.bent is None:
+            return back_project(uv, depth_m, self.k)
+        return self.bent.rays(uv) * np.asarray(depth_m, dtype=np.float64)[..., None]
+
+    def pixel_rays(self) -> FloatArray:
+        """``(H, W, 3)`` rays of all pixels in optical axes; NaN outside a lens's image circle.
+
+        A ray times the depth of its pixel is the point. Only where :attr:`is_projective`.
+        """
+        return pixel_rays(self.lens_model)
+
+    def mask(self) -> NDArray[np.bool_]:
+        """``(H, W)`` which pixels show something; the others lie outside the image circle."""
+        return lens_mask(self.lens_model)
+
+    @property
+    def lens_model(self) -> Lens:
+        """The camera model, also that of a plain pinhole.
+
+        Raises:
+            DatasetError: it has CARLA's own lens distortion, or is no camera.
+        """
+        if self.lens is not None:
+            return self.lens
+        if not self.is_pinhole:
+            raise DatasetError(f"{self.id} has no camera model that projects.")
+        (fx, _, cx), (_, fy, cy), _ = self.k.tolist()
+        return lens_of("pinhole", (self.width, self.height), (fx, fy), (cx, cy))
 
     @property
     def is_lossless(self) -> bool:
@@ -87,7 +160,8 @@ class SensorCalibration:
             and (self.attach_to, self.attachment) == (other.attach_to, other.attachment)
             and np.array_equal(self.carrier_from_sensor, other.carrier_from_sensor)
             and np.array_equal(self.k, other.k)
-            and (self.is_pinhole, other.is_pinhole) == (True, True)
+            and self.bent == other.bent
+            and (self.is_projective, other.is_projective) == (True, True)
         )
 
 
@@ -131,4 +205,13 @@ def calibration_of(name: str, entry: Mapping[str, Any]) -> SensorCalibration:
         height=entry.get("height", 0),
         fov_deg=entry.get("fov_deg", 0.0),
         k=np.array(entry.get("K", np.zeros((3, 3))), np.float64),
+        lens=_lens_of(entry) if "lens" in entry else None,
+    )
+
+
+def _lens_of(entry: Mapping[str, Any]) -> Lens:
+    lens, ((fx, _, cx), (_, fy, cy), _) = entry["lens"], entry["K"]
+    size = (entry["width"], entry["height"])
+    return lens_of(
+        lens["model"], size, (fx, fy), (cx, cy), lens["distortion"], lens["max_angle_deg"]
     )

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from carstage.dataset import Episode, SensorCalibration
 from carstage.dataset.saved_frames import Frame
 from carstage.errors import BadInputError
+from carstage.exporters.lenses import no_place_for
 from carstage.exporters.options import ExportOptions
 from carstage.geometry import FloatArray, invert_pose, pose_matrix
 from carstage.sensor_kinds.model import COLOUR, DETECTIONS, POINTS, TAGGED_POINTS
@@ -87,13 +88,20 @@ def cars_with_sensors(episode: Episode) -> tuple[Car, ...]:
 
 
 def car_cameras(car: Car, options: ExportOptions) -> tuple[SensorCalibration, ...]:
-    """Its labelled colour cameras; if the options name cameras, those among them."""
+    """Its labelled colour cameras; if the options name cameras, those among them.
+
+    Raises:
+        BadInputError: one that is named has a lens, which formats with several cameras in a frame
+            have no place for; such cameras are left out else.
+    """
+    cameras = [s for s in car.sensors if s.content == COLOUR and s.labelled]
+    for sensor in cameras:
+        if sensor.bent is not None and sensor.id in options.cameras:
+            raise no_place_for(sensor)
     return tuple(
         sensor
-        for sensor in car.sensors
-        if sensor.content == COLOUR
-        and sensor.labelled
-        and (not options.cameras or sensor.id in options.cameras)
+        for sensor in cameras
+        if sensor.bent is None and (not options.cameras or sensor.id in options.cameras)
     )
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from carstage.dataset import Episode, SensorCalibration
 from carstage.errors import BadInputError
+from carstage.exporters.lenses import no_place_for
 from carstage.exporters.options import ExportOptions
 from carstage.sensor_kinds.model import COLOUR, POINTS
 
 
 def colour_cameras(
-    episode: Episode, options: ExportOptions, *, labelled: bool = True
+    episode: Episode, options: ExportOptions, *, labelled: bool = True, pinholes: bool = False
 ) -> tuple[SensorCalibration, ...]:
     """The colour cameras that the options name, else all of the rig.
 
@@ -17,6 +18,8 @@ def colour_cameras(
         episode: whose rig it is.
         options: may name cameras.
         labelled: whether only those with labels count.
+        pinholes: whether the format has no place for another camera model; such cameras are left
+            out unless they are named.
 
     Raises:
         BadInputError: there is none, or one that is named is no such camera.
@@ -33,12 +36,30 @@ def colour_cameras(
                 f"Episode {episode.id} has no {what} {name!r}.",
                 f"It has {', '.join(fitting) or 'none'}.",
             )
+    if pinholes:
+        _require_pinholes(fitting, options)
     if not fitting:
         raise BadInputError(
             f"Episode {episode.id} has no {what}.",
             "Record one, see `rig.sensors` and `labels.cameras` in the configuration.",
         )
     return tuple(fitting[name] for name in dict.fromkeys(options.cameras) or fitting)
+
+
+def _require_pinholes(fitting: dict[str, SensorCalibration], options: ExportOptions) -> None:
+    """Leave cameras with a lens out; refuse those that are named, or where no other is.
+
+    Raises:
+        BadInputError: which one, and where it has a place.
+    """
+    bent = {name: camera for name, camera in fitting.items() if camera.bent is not None}
+    refused = [name for name in options.cameras if name in bent] or (
+        list(bent) if len(bent) == len(fitting) else []
+    )
+    if refused:
+        raise no_place_for(bent[refused[0]])
+    for name in bent:
+        del fitting[name]
 
 
 def main_lidar(episode: Episode, options: ExportOptions) -> SensorCalibration | None:

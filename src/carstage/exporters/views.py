@@ -71,9 +71,11 @@ def chosen_views(episode: Episode, options: ExportOptions) -> tuple[View, ...]:
         BadInputError: there is none, or one that is named is no labelled colour camera.
     """
     if options.cameras == ALL_CAMERAS:
-        cameras: Sequence[SensorCalibration] = colour_cameras(episode, replace(options, cameras=()))
+        cameras: Sequence[SensorCalibration] = colour_cameras(
+            episode, replace(options, cameras=()), pinholes=True
+        )
     else:
-        cameras = colour_cameras(episode, options)[: len(options.cameras) or 1]
+        cameras = colour_cameras(episode, options, pinholes=True)[: len(options.cameras) or 1]
     cars = {sensor.id: car for car in cars_with_sensors(episode) for sensor in car.sensors}
     return tuple(_view(episode, camera, cars.get(camera.id), options) for camera in cameras)
 

@@ -132,6 +132,12 @@ def _pixels(sensor: SensorSpec) -> int:
     return int(attributes["image_size_x"]) * int(attributes["image_size_y"])
 
 
+def _written_pixels(sensor: SensorSpec) -> int:
+    """Of the picture in the dataset; what is recorded for a lens may have more."""
+    lens = sensor.lens
+    return _pixels(sensor) if lens is None else lens.width * lens.height
+
+
 def _rays(sensor: SensorSpec, fps: float) -> int:
     return round(int(sensor.attributes["points_per_second"]) / fps)
 
@@ -167,7 +173,7 @@ def _dataset_bytes(spec: EpisodeSpec) -> int:
         if sensor.hidden:
             continue
         if "image_size_x" in sensor.attributes:
-            per_frame += _file_bytes(sensor) * _pixels(sensor)
+            per_frame += _file_bytes(sensor) * _written_pixels(sensor)
         elif "points_per_second" in sensor.attributes:
             per_frame += _file_bytes(sensor) * _rays(sensor, spec.fps)
         else:

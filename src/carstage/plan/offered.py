@@ -66,7 +66,7 @@ def _check_blueprints(
             )
         if recording is None:
             _check_carrier(place, sensor, known)
-        strings = sensor.attributes.carla(fps=config.fps, image_size=config.image_size)
+        strings = sensor.carla(fps=config.fps, image_size=config.image_size)
         for name in strings:
             if name not in known[sensor.row.blueprint]:
                 message, hint = unknown("attribute", name, known[sensor.row.blueprint])
@@ -113,7 +113,7 @@ def _check_group(
 def _check_limits(config: Config, facts: ServerFacts) -> None:
     """Refuse sensors that are more than the server can compute."""
     for place, sensor in config.located_sensors():
-        strings = sensor.attributes.carla(fps=config.fps, image_size=config.image_size)
+        strings = sensor.carla(fps=config.fps, image_size=config.image_size)
         sides = [int(strings[axis]) for axis in _SIDES if axis in strings]
         given = [(name, float(strings[name])) for name in facts.limits if name in strings]
         if len(sides) == 2:

@@ -8,16 +8,18 @@ Exact voxels are asked of a hidden sensor at their frame.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from carstage.config import Config, Sensor
 from carstage.config.attributes import carla_text
 from carstage.config.occupancy import Occupancy
-from carstage.config.sensors import SEMANTIC_SUFFIX, VOXELS_SUFFIX, Pose
+from carstage.config.sensors import SEMANTIC_SUFFIX, VOXELS_SUFFIX, CameraSensor, Pose
+from carstage.geometry.lens_sources import face_rotation_deg
 from carstage.sensor_kinds import sensor_kind
 from carstage.sensor_kinds.attributes import SEMANTIC_LIDAR
 from carstage.spec import PoseSpec, SensorSpec
+from carstage.spec.lenses import FACES
 from carstage.spec.occupancy import LENGTHS
 
 _RATE = "sensor_tick"
@@ -26,6 +28,7 @@ _SEMANTIC_LIDAR = "semantic_lidar"
 _OCCUPANCY = "occupancy"
 _SCAN = frozenset(row.carla for row in SEMANTIC_LIDAR.rows)
 _GEOMETRY = ("image_size_", "fov", "lens_")
+_NO_GEOMETRY = ("lens_flare_intensity",)
 
 
 def plan_sensors(config: Config) -> tuple[SensorSpec, ...]:
@@ -47,7 +50,7 @@ def plan_sensors(config: Config) -> tuple[SensorSpec, ...]:
         _serving(lidar, _SEMANTIC_LIDAR, sensors, SEMANTIC_SUFFIX, hidden=False)
     if config.labels.occupancy is not None and config.labels.occupancy.exact:
         sensors.append(_voxels(config.labels.occupancy, sensors))
-    return tuple(sensors)
+    return tuple(_with_faces(sensors))
 
 
 def _voxels(asked: Occupancy, sensors: Sequence[SensorSpec]) -> SensorSpec:
@@ -76,10 +79,19 @@ def _voxels(asked: Occupancy, sensors: Sequence[SensorSpec]) -> SensorSpec:
 
 def geometry(attributes: Mapping[str, str]) -> dict[str, str]:
     """The attributes that decide which ray a pixel stands for."""
-    return {name: text for name, text in attributes.items() if name.startswith(_GEOMETRY)}
+    return {
+        name: text
+        for name, text in attributes.items()
+        if name.startswith(_GEOMETRY) and name not in _NO_GEOMETRY
+    }
 
 
 def _sensor(sensor: Sensor, config: Config, labelled: bool) -> SensorSpec:
+    lens, faces = None, None
+    if isinstance(sensor, CameraSensor) and sensor.lens is not None:
+        size = sensor.picture_size(config.image_size)
+        lens = sensor.lens.spec(size)
+        faces = sensor.lens.source(size).faces[1:] or None
     return SensorSpec(
         id=sensor.id,
         kind=sensor.kind,
@@ -91,11 +103,39 @@ def _sensor(sensor: Sensor, config: Config, labelled: bool) -> SensorSpec:
         attach_to=sensor.attach_to,
         attach_index=sensor.attach_index,
         attachment=sensor.attachment,
+        lens=lens,
+        faces=None if faces is None else _face_ids(sensor.id, faces),
     )
 
 
+def _face_ids(sensor_id: str, faces: Iterable[str]) -> tuple[str, ...]:
+    return tuple(f"{sensor_id}.{face[0]}" for face in faces)
+
+
+def _with_faces(sensors: list[SensorSpec]) -> Iterator[SensorSpec]:
+    """The sensors, and after them the hidden ones that record the other faces of cubes."""
+    yield from sensors
+    for sensor in sensors:
+        for face_id in sensor.faces or ():
+            face = next(name for name in FACES if name[0] == face_id[-1])
+            pose = sensor.pose
+            mounted = (pose.pitch_deg, pose.yaw_deg, pose.roll_deg)
+            pitch_deg, yaw_deg, roll_deg = face_rotation_deg(mounted, face)
+            yield replace(
+                sensor,
+                id=face_id,
+                hidden=True,
+                labelled=False,
+                pose=replace(pose, pitch_deg=pitch_deg, yaw_deg=yaw_deg, roll_deg=roll_deg),
+                depth=None,
+                instance=None,
+                lens=None,
+                faces=None,
+            )
+
+
 def _attributes(sensor: Sensor, config: Config) -> dict[str, str]:
-    strings = sensor.attributes.carla(fps=config.fps, image_size=config.image_size)
+    strings = sensor.carla(fps=config.fps, image_size=config.image_size)
     if sensor.rate_hz is not None:
         strings[_RATE] = carla_text(1.0 / sensor.rate_hz)
     return strings
@@ -122,7 +162,7 @@ def _shared(attributes: Mapping[str, str]) -> dict[str, str]:
 def _view(sensor: SensorSpec) -> tuple[object, ...]:
     """Equal for sensors that see the same at the same time."""
     carrier = (sensor.attach_to, sensor.attach_index, sensor.attachment)
-    return (*carrier, sensor.pose, _shared(sensor.attributes))
+    return (*carrier, sensor.pose, sensor.lens, _shared(sensor.attributes))
 
 
 def _serving(
@@ -144,6 +184,14 @@ def _serving(
         attributes=_shared(sensor.attributes),
         depth=None,
         instance=None,
+        faces=_renamed(sensor, suffix),
     )
     sensors.append(twin)
     return twin.id
+
+
+def _renamed(sensor: SensorSpec, suffix: str) -> tuple[str, ...] | None:
+    """Faces of a twin, by those of its sensor."""
+    if sensor.faces is None:
+        return None
+    return tuple(f"{sensor.id}{suffix}.{face_id[-1]}" for face_id in sensor.faces)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from carstage.geometry import (
     EDGES,
     OPTICAL_FROM_SENSOR,
     Z_NEAR_M,
+    Lens,
     box_corners,
     invert_pose,
     project,
@@ -43,6 +45,7 @@ CLASS_COLOURS: dict[str, RgbColour] = {
 }
 OTHER_COLOUR: RgbColour = (200, 200, 200)
 _FORWARD_FACE = (4, 5, 7, 6)  # corners with positive x, around the face
+_BENT_PARTS = 16
 _VIEW_PX = 640
 _VIEW_RANGE_M = 50.0
 _RING_STEP_M = 10.0
@@ -93,6 +96,8 @@ def box_lines(
     )
     optical = corners @ OPTICAL_FROM_SENSOR.T
     a, b, c, d = _FORWARD_FACE
+    if camera.bent is not None:
+        return _bent_lines(camera.bent, optical, (*EDGES, (a, c), (b, d)))
     lines = []
     for start, end in (*EDGES, (a, c), (b, d)):
         ends = _before_camera(optical[start], optical[end])
@@ -100,6 +105,21 @@ def box_lines(
             seen = _near_image(project(ends, camera.k, 0.0), camera.width, camera.height)
             if seen is not None:
                 lines.append(seen.tolist())
+    return lines
+
+
+def _bent_lines(
+    lens: Lens, optical: NDArray[np.float64], pairs: Sequence[tuple[int, int]]
+) -> list[list[list[float]]]:
+    """Segments of lines that a lens bends, without those that jump over the picture's edge."""
+    share = np.linspace(0.0, 1.0, _BENT_PARTS + 1)[:, None]
+    lines = []
+    for start, end in pairs:
+        uv = lens.project(optical[start] * (1.0 - share) + optical[end] * share)
+        for one, next_one in pairwise(uv):
+            jump = np.abs(next_one - one).max()
+            if jump < lens.width / 4.0:  # false where the lens shows none
+                lines.append([one.tolist(), next_one.tolist()])
     return lines
 
 

@@ -16,6 +16,7 @@ from carstage.spec.episode import SPEC_VERSION, EpisodeSpec, Seeds
 from carstage.spec.events import EVENT_SPECS, EventSpec, event_plugins, known_events
 from carstage.spec.fields import Fields, SpecError
 from carstage.spec.labels import BirdsEyeSpec, GroundTruthSpec, LabelsSpec
+from carstage.spec.lenses import LensSpec
 from carstage.spec.occupancy import OccupancySpec
 from carstage.spec.road_users import GroupSpec, PedestriansSpec, TrafficSpec, VehiclesSpec
 from carstage.spec.scenario import (
@@ -62,6 +63,7 @@ __all__ = [
     "GroundTruthSpec",
     "GroupSpec",
     "LabelsSpec",
+    "LensSpec",
     "OccupancySpec",
     "PedestriansSpec",
     "Place",

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Collection, Dict, Mapping, Optional, Tuple
 
 from carstage.sensor_kinds import content_of
 from carstage.spec.fields import Fields, SpecError
+from carstage.spec.lenses import LensSpec
+from carstage.spec.plain import LEFT_OUT
 
 EGO = "ego"
 ON_MAP = "world"
@@ -42,6 +44,9 @@ class SensorSpec:
         attach_index: which actor of that pattern, by distance from the ego at the start.
         attachment: ``rigid``, ``follow``, ``spring_arm`` or ``spring_arm_ghost``.
         depth, instance: of a labelled camera: ids of the sensors with its pose and intrinsics.
+        lens: the camera model that its pictures are re-projected to; None: as they are recorded.
+        faces: ids of the hidden sensors with the cube's other faces, in the order of ``FACES``;
+            None where one picture holds all that the lens shows.
     """
 
     id: str
@@ -56,6 +61,13 @@ class SensorSpec:
     attachment: str = RIGID
     depth: Optional[str] = None
     instance: Optional[str] = None
+    lens: Optional[LensSpec] = field(default=None, metadata=LEFT_OUT)
+    faces: Optional[Tuple[str, ...]] = field(default=None, metadata=LEFT_OUT)
+
+    @property
+    def streams(self) -> Tuple[str, ...]:
+        """Streams of the raw log that its pictures are made from; its own is the first."""
+        return (self.id, *(self.faces or ()))
 
     @property
     def content(self) -> str:
@@ -84,6 +96,8 @@ class SensorSpec:
             attachment=fields.text("attachment", ATTACHMENTS) if "attachment" in fields else RIGID,
             depth=fields.text("depth") if "depth" in fields else None,
             instance=fields.text("instance") if "instance" in fields else None,
+            lens=LensSpec.read(fields.object("lens")) if "lens" in fields else None,
+            faces=fields.words("faces") if "faces" in fields else None,
         )
 
 

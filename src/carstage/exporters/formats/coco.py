@@ -20,6 +20,7 @@ from carstage.exporters.formats.panoptic import panoptic_categories, panoptic_se
 from carstage.exporters.formats.pictures import copy_picture
 from carstage.exporters.json_rows import JsonRows
 from carstage.exporters.labels import CameraLabel, camera_labels, require_labels
+from carstage.exporters.lenses import lens_entry
 from carstage.exporters.options import ExportOptions
 from carstage.exporters.rigs import colour_cameras
 from carstage.exporters.splits import Split
@@ -62,7 +63,7 @@ class CocoWriter:
         image = {
             "file_name": picture.name, "width": camera.width, "height": camera.height,
             "episode_id": frame.episode.id, "k": frame.k, "timestamp_s": frame.timestamp_s,
-            "camera": camera_id, "K": camera.k.tolist(),
+            "camera": camera_id, "K": camera.k.tolist(), **lens_entry(camera),
         }  # fmt: skip
         numbers = category_numbers(self.options)
         annotations = tuple(

@@ -45,6 +45,7 @@ from carstage.exporters.formats.mcap_messages import (
     nanoseconds,
 )
 from carstage.exporters.labels import CameraLabel
+from carstage.exporters.lenses import ros_distortion
 from carstage.geometry import FloatArray
 from carstage.report.drawing import class_colour
 
@@ -169,10 +170,11 @@ def _pixels(record: records.Pixels, time: Timestamp) -> _Made:
 def _camera(record: records.CameraModel, time: Timestamp) -> _Made:
     camera = record.camera
     projection = np.hstack([camera.k, np.zeros((3, 1))])
+    model, coefficients = ros_distortion(camera)
     yield f"/{camera.id}/calibration", CameraCalibration(
         timestamp=time, frame_id=camera.id, width=camera.width, height=camera.height,
-        distortion_model="", D=[], K=camera.k.ravel().tolist(), R=np.eye(3).ravel().tolist(),
-        P=projection.ravel().tolist(),
+        distortion_model=model, D=coefficients, K=camera.k.ravel().tolist(),
+        R=np.eye(3).ravel().tolist(), P=projection.ravel().tolist(),
     )  # fmt: skip
 
 

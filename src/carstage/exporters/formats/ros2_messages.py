@@ -21,6 +21,7 @@ from carstage.exporters.formats.mcap_messages import (
     nanoseconds,
 )
 from carstage.exporters.formats.ros2_types import definition, message_class, serialise
+from carstage.exporters.lenses import ros_distortion
 from carstage.geometry import FloatArray
 from carstage.report.drawing import class_colour
 
@@ -163,13 +164,15 @@ def _pixels(record: records.Pixels, time: Any) -> _Made:
 
 def _camera(record: records.CameraModel, time: Any) -> _Made:
     camera = record.camera
+    model, coefficients = ros_distortion(camera)
     whole = _make(
         "sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0,
         do_rectify=False,
     )  # fmt: skip
     yield f"/{camera.id}/camera_info", _make(
         "sensor_msgs/msg/CameraInfo", header=_header(time, camera.id), height=camera.height,
-        width=camera.width, distortion_model="", d=np.zeros(0), k=camera.k.ravel(),
+        width=camera.width, distortion_model=model, d=np.array(coefficients, np.float64),
+        k=camera.k.ravel(),
         r=np.eye(3).ravel(), p=np.hstack([camera.k, np.zeros((3, 1))]).ravel(), binning_x=0,
         binning_y=0, roi=whole,
     )  # fmt: skip

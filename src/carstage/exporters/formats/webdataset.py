@@ -16,6 +16,7 @@ from carstage.dataset import Episode
 from carstage.dataset.saved_frames import Frame, Row
 from carstage.exporters.class_map import ClassMap
 from carstage.exporters.exporter import Exporter, register
+from carstage.exporters.lenses import lens_entry
 from carstage.exporters.options import ExportOptions
 from carstage.exporters.splits import Split
 from carstage.sensor_kinds.model import COLOUR, NORMALS, TAGS
@@ -88,6 +89,7 @@ def _labels(frame: Frame, class_map: ClassMap | None) -> Mapping[str, Any]:
                 "ego_from_sensor": frame.ego_from_sensor(name).tolist(),
                 "world_from_sensor": frame.world_from_sensor(name).tolist(),
                 "K": sensor.k.tolist() if sensor.is_camera else None,
+                **lens_entry(sensor),
             }
             for name, sensor in sensors.items()
         },

@@ -6,6 +6,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from carstage.dataset.calibration import SensorCalibration
 from carstage.dataset.reading import Episode
 from carstage.geometry import (
     FloatArray,
@@ -15,7 +16,6 @@ from carstage.geometry import (
     observation_angle,
     optical_from_world,
     pose_matrix,
-    project,
     proper_box_rotation,
     quaternion_from_matrix,
     rotate,
@@ -161,7 +161,7 @@ def check_camera_columns(episode: Episode, tables: LabelTables, findings: Findin
     }
     poses = episode.world_from_sensor()
     for sensor in episode.sensors:
-        if not (sensor.calibration.labelled and sensor.calibration.is_pinhole):
+        if not (sensor.calibration.labelled and sensor.calibration.is_projective):
             continue
         of_sensor = [i for i, name in enumerate(entries(table, "sensor_id")) if name == sensor.id]
         rows = rows_at(table, of_sensor)
@@ -174,14 +174,14 @@ def check_camera_columns(episode: Episode, tables: LabelTables, findings: Findin
         chosen = [boxes[keys[i]] for i in kept]
         by_frame = {k: optical_from_world(own[k]) for k in {keys[i][0] for i in kept}}
         optical = np.stack([by_frame[keys[i][0]] for i in kept])
-        _check_three_d(rows, chosen, optical, sensor.calibration.k, findings)
+        _check_three_d(rows, chosen, optical, sensor.calibration, findings)
 
 
 def _check_three_d(
     rows: pa.Table,
     boxes: list[dict[str, list[float]]],
     optical: FloatArray,
-    k: FloatArray,
+    camera: SensorCalibration,
     findings: Findings,
 ) -> None:
     same = Recomputed("camera_columns", "camera_objects.parquet", rows, findings)
@@ -204,10 +204,12 @@ def _check_three_d(
     # A rider's distance is that of its two-wheeler, and it has no box.
     same.column("distance", length(center), _METRES)
     same.column("depth_center", center[:, 2], _METRES)
-    _check_corners(rows, box_corners(optical_from_box, extent), k, same)
+    _check_corners(rows, box_corners(optical_from_box, extent), camera, same)
 
 
-def _check_corners(rows: pa.Table, corners: FloatArray, k: FloatArray, same: Recomputed) -> None:
+def _check_corners(
+    rows: pa.Table, corners: FloatArray, camera: SensorCalibration, same: Recomputed
+) -> None:
     """Projected corners; those that are nearer than half a metre are too sensitive."""
     gone = [np.nan, np.nan]
     recorded = np.array(
@@ -216,8 +218,9 @@ def _check_corners(rows: pa.Table, corners: FloatArray, k: FloatArray, same: Rec
             for row in entries(rows, "corners_uv")
         ]
     )
-    expected = project(corners, k)
-    skipped = np.isnan(recorded) | (corners[..., 2:] < _NEAR_CORNER_M)
+    expected = camera.project(corners)
+    near = corners[..., 2] if camera.bent is None else camera.bent.depth(corners)
+    skipped = np.isnan(recorded) | (near[..., None] < _NEAR_CORNER_M)
     off = np.where(skipped, 0.0, recorded - np.where(skipped, 0.0, expected))
     allowed = _PIXELS * (1.0 + np.abs(np.where(skipped, 0.0, expected)) / 1e3)
     same.column(

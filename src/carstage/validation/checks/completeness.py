@@ -118,8 +118,8 @@ def check_missing_rows(
 
 def perhaps_in_view(camera: SensorCalibration, boxes: Sequence[LabelledBox]) -> list[LabelledBox]:
     """The boxes whose ball reaches into what a camera sees: for the others no hull is needed."""
-    if not boxes:
-        return []
+    if not boxes or camera.bent is not None:
+        return list(boxes)
     centers = np.stack([box.ego_from_box[:3, 3] for box in boxes])
     reach = length(np.stack([box.extent for box in boxes])) + _BALL_MARGIN_M
     optical = transform_points(invert_pose(camera.ego_from_sensor), centers) @ OPTICAL_FROM_SENSOR.T

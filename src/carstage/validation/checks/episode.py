@@ -336,7 +336,7 @@ class EpisodeChecks:
         spec = self._episode.spec
         for sensor in self._episode.sensors:
             camera = sensor.calibration
-            if not (camera.labelled and camera.is_pinhole and sensor.id in data):
+            if not (camera.labelled and camera.is_projective and sensor.id in data):
                 continue
             check_missing_rows(
                 sensor.calibration_at(k),

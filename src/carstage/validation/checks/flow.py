@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from carstage.dataset.calibration import SensorCalibration
 from carstage.geometry import (
     OPTICAL_FROM_SENSOR,
-    back_project,
     invert_pose,
     transform_points,
 )
@@ -79,12 +78,11 @@ def compare_with_motion(
     solid = depth < _SKY_M
     u, v, depth = u[solid], v[solid], depth[solid]
     uv = np.column_stack([u + 0.5, v + 0.5])
-    in_sensor = back_project(uv, depth, camera.k) @ OPTICAL_FROM_SENSOR
+    in_sensor = camera.back_project(uv, depth) @ OPTICAL_FROM_SENSOR
     stands = ~_inside(transform_points(camera.ego_from_sensor, in_sensor), boxes)
     before = transform_points(before_from_now, in_sensor) @ OPTICAL_FROM_SENSOR.T
-    ahead = before[:, 2] > 0.1
-    with np.errstate(divide="ignore", invalid="ignore"):
-        uv_before = (before @ camera.k.T)[:, :2] / before[:, 2:]
+    uv_before = camera.project(before)
+    ahead = ~np.isnan(uv_before[:, 0])
     expected = uv - uv_before
     length = np.linalg.norm(expected, axis=1)
     found = flow_px[v, u].astype(np.float64)

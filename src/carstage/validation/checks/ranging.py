@@ -13,7 +13,6 @@ from carstage.dataset.calibration import SensorCalibration
 from carstage.geometry import (
     OPTICAL_FROM_SENSOR,
     Z_NEAR_M,
-    back_project,
     invert_pose,
     transform_points,
 )
@@ -102,10 +101,16 @@ def compare_with_depth(
     right, down, forward = OPTICAL_FROM_SENSOR @ invert_pose(lidar_from_camera)[:3]
     xyz = points[:, :3].astype(np.float64).T
     z = _along(forward, xyz)
-    ahead = np.flatnonzero(z >= Z_NEAR_M)
-    xyz, z = xyz[:, ahead], z[ahead]
-    u = camera.k[0, 0] * _along(right, xyz) / z + camera.k[0, 2]
-    v = camera.k[1, 1] * _along(down, xyz) / z + camera.k[1, 2]
+    if camera.bent is None:
+        ahead = np.flatnonzero(z >= Z_NEAR_M)
+        xyz, z = xyz[:, ahead], z[ahead]
+        u = camera.k[0, 0] * _along(right, xyz) / z + camera.k[0, 2]
+        v = camera.k[1, 1] * _along(down, xyz) / z + camera.k[1, 2]
+    else:
+        optical = np.column_stack([_along(right, xyz), _along(down, xyz), z])
+        ahead = np.flatnonzero(camera.bent.shows(optical))
+        xyz, z = xyz[:, ahead], camera.bent.depth(optical[ahead])
+        u, v = camera.bent.project(optical[ahead]).T
     height, width = depth_m.shape
     inside = np.flatnonzero((u >= 1) & (u < width - 1) & (v >= 1) & (v < height - 1))
     xyz, z, u, v = xyz[:, inside].T, z[inside], u[inside], v[inside]
@@ -123,7 +128,7 @@ def compare_with_depth(
     unresolved = (bend > EDGE_BEND) & between
 
     surface_m = depth_m[row, column].astype(np.float64)
-    surface_optical = back_project(np.column_stack([u[rest], v[rest]]), surface_m, camera.k)
+    surface_optical = camera.back_project(np.column_stack([u[rest], v[rest]]), surface_m)
     surface = transform_points(lidar_from_camera, surface_optical @ OPTICAL_FROM_SENSOR)
     hidden = (surface_m < z) & (_angle(surface, xyz[rest]) > PARALLAX_PX / camera.k[0, 0])
     agreeing = len(u) - len(rest)

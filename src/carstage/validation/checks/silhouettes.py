@@ -22,6 +22,7 @@ from carstage.geometry import (
     clip_to_near_plane,
     convex_hull,
     invert_pose,
+    lens_outline,
     project,
     transform_points,
 )
@@ -38,6 +39,8 @@ BODY_REACH_M = np.array([0.5, 0.5, 0.2])
 BOX_MARGIN_M = 0.05
 """By how much a box is larger whose silhouette ``outside_px`` is about."""
 OUTSIDE_TOLERANCE_PX = 2
+CHORD_SHARE = 0.1
+"""Of an object's pixels, those at its edge that an outline of chords may cut off or add."""
 
 
 @dataclass(slots=True)
@@ -64,6 +67,8 @@ def projected_hull(
 ) -> list[Point]:
     """Silhouette of a box in a camera's image plane, px; empty when it is behind the camera.
 
+    Of a camera with a lens it need not be convex, and ends where the lens does.
+
     Args:
         camera: who looks.
         box: the box.
@@ -72,19 +77,41 @@ def projected_hull(
     corners = transform_points(
         invert_pose(camera.ego_from_sensor), box_corners(box.ego_from_box, box.extent + grown_m)
     )
-    seen = clip_to_near_plane(corners @ OPTICAL_FROM_SENSOR.T, Z_NEAR_M)
+    optical = corners @ OPTICAL_FROM_SENSOR.T
+    if camera.bent is not None:
+        outline = lens_outline(optical, camera.bent)
+        return [] if outline is None else outline.polygon
+    seen = clip_to_near_plane(optical, Z_NEAR_M)
     return convex_hull(project(seen, camera.k, 0.0)) if len(seen) >= 3 else []
 
 
-def distance_outside(polygon: Sequence[Point], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Distance ``(N,)`` of points ``(N, 2)`` to a convex polygon; 0 inside."""
+def outside_hull(
+    camera: SensorCalibration, hull: Sequence[Point], points: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Distance ``(N,)`` of points ``(N, 2)`` to what `projected_hull` gave; 0 inside."""
+    if camera.bent is None:
+        return distance_outside(hull, points)
+    shifts = (-camera.width, 0, camera.width) if camera.bent.wraps else (0,)
+    away = [
+        distance_outside(hull, points + np.array([shift, 0.0]), convex=False) for shift in shifts
+    ]
+    return np.asarray(np.min(away, axis=0))
+
+
+def distance_outside(
+    polygon: Sequence[Point], points: NDArray[np.float64], *, convex: bool = True
+) -> NDArray[np.float64]:
+    """Distance ``(N,)`` of points ``(N, 2)`` to a polygon; 0 inside."""
     corners = np.array(polygon)
     start, along = corners, np.roll(corners, -1, axis=0) - corners
-    normals = np.stack([along[:, 1], -along[:, 0]], axis=1)
-    normals *= np.sign(np.sum((corners - corners.mean(axis=0)) * normals, axis=1))[:, None]
-    inside = np.ones(len(points), np.bool_)
-    for (x, y), (across, up) in zip(start.tolist(), normals.tolist(), strict=True):
-        inside &= (points[:, 0] - x) * across + (points[:, 1] - y) * up <= 0.0
+    if convex:
+        normals = np.stack([along[:, 1], -along[:, 0]], axis=1)
+        normals *= np.sign(np.sum((corners - corners.mean(axis=0)) * normals, axis=1))[:, None]
+        inside = np.ones(len(points), np.bool_)
+        for (x, y), (across, up) in zip(start.tolist(), normals.tolist(), strict=True):
+            inside &= (points[:, 0] - x) * across + (points[:, 1] - y) * up <= 0.0
+    else:
+        inside = _crossings_are_odd(start, along, points)
     found = np.zeros(len(points))
     outside = np.flatnonzero(~inside)  # few or none: the distance costs ten times as much
     if len(outside):
@@ -94,6 +121,18 @@ def distance_outside(polygon: Sequence[Point], points: NDArray[np.float64]) -> N
         away = offset - share[..., None] * along[None]
         found[outside] = np.linalg.norm(away, axis=2).min(axis=1)
     return found
+
+
+def _crossings_are_odd(
+    start: NDArray[np.float64], along: NDArray[np.float64], points: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Which points ``(N, 2)`` a ray to the right from crosses sides of a polygon oddly often."""
+    odd = np.zeros(len(points), np.bool_)
+    for (x, y), (across, down) in zip(start.tolist(), along.tolist(), strict=True):
+        if down:
+            spans = (points[:, 1] >= y) != (points[:, 1] >= y + down)
+            odd ^= spans & (points[:, 0] < x + across * (points[:, 1] - y) / down)
+    return odd
 
 
 def check_silhouettes(
@@ -131,7 +170,7 @@ def check_silhouettes(
     ids = None if instance is None else np.ascontiguousarray(instance[..., Instance.ID])
     for row in rows:
         box = by_track.get(row["track_id"])
-        if box is None or not row["pinhole"]:
+        if box is None or not camera.is_projective:
             continue
         name = f"object {row['track_id']}"
         hull = projected_hull(camera, box)
@@ -159,7 +198,7 @@ def check_silhouettes(
             _check_outside(camera, name, row, box, centers, findings, where)
             if box.is_capsule:
                 hull = projected_hull(camera, box, grown_m=BODY_REACH_M)
-        beyond = distance_outside(hull, centers)
+        beyond = outside_hull(camera, hull, centers)
         outside = int((beyond > HULL_MARGIN_PX).sum())
         figures.objects += 1
         figures.pixels += len(u)
@@ -210,7 +249,14 @@ def _check_amodal(
 ) -> None:
     if row["bbox_amodal"] is None:
         return
-    inside = clip_polygon_to_image(hull, camera.width, camera.height)
+    shifts = (-camera.width, 0, camera.width) if camera.bent and camera.bent.wraps else (0,)
+    inside = [
+        point
+        for shift in shifts
+        for point in clip_polygon_to_image(
+            [(u + shift, v) for u, v in hull], camera.width, camera.height
+        )
+    ]
     if not inside:
         findings.add("bbox_amodal", f"{name} is labelled, but out of the image", **where)
         return
@@ -232,12 +278,14 @@ def _check_outside(
     findings: Findings,
     where: dict[str, Any],
 ) -> None:
-    """``outside_px`` counts the pixels outside the silhouette; only walkers have such."""
-    outside = 0
-    if box.is_capsule:
+    """``outside_px`` counts the pixels outside the silhouette; walkers and lenses have such."""
+    outside, allowed = 0, OUTSIDE_TOLERANCE_PX * int(box.is_capsule)
+    if camera.bent is not None:  # whose outline is a polygon of chords
+        allowed = OUTSIDE_TOLERANCE_PX + round(CHORD_SHARE * len(centers))
+    if box.is_capsule or camera.bent is not None:
         hull = projected_hull(camera, box, grown_m=BOX_MARGIN_M)
-        outside = int((distance_outside(hull, centers) > 0.0).sum())
-    if abs(outside - row["outside_px"]) > OUTSIDE_TOLERANCE_PX * box.is_capsule:
+        outside = int((outside_hull(camera, hull, centers) > 0.0).sum())
+    if abs(outside - row["outside_px"]) > allowed:
         findings.add(
             "hull",
             f"{name}: {outside} of its pixels lie outside the silhouette of its box, outside_px is "

@@ -1,7 +1,8 @@
-"""Rigs out of the calibrations of others: KITTI, nuScenes, ROS ``camera_info``.
+"""Rigs out of the calibrations of others: KITTI, nuScenes, ROS ``camera_info``, Kalibr.
 
-Only what a sensor's place, direction and field of view follow from is taken; what CARLA's pinhole
-cannot show (lens distortion, a principal point beside the middle) is said and left out.
+What CARLA's pinhole cannot show (lens distortion, a principal point beside the middle, pixels that
+are not square) becomes the camera's ``lens``. Their pixels count from the centre of the first one,
+ours from its corner.
 """
 
 from __future__ import annotations
@@ -10,9 +11,11 @@ import json
 import math
 import re
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from carstage.errors import BadInputError
+from carstage.web.configure.kalibr import camera_infos, first_from_others, is_camchain
 from carstage.web.messages.base import Document
 
 if TYPE_CHECKING:
@@ -29,7 +32,15 @@ _KITTI_LIDAR = (0.0, 0.0, 1.73)
 """The Velodyne of KITTI's car (Geiger et al., CVPR 2012), where the preset ``kitti`` has it."""
 _MOST_SENSORS = 200
 _OFF_CENTRE = 0.02
-"""Share of the width by which a principal point may lie beside the middle unsaid."""
+"""Share of the width by which a principal point may lie beside the middle of a plain pinhole."""
+_WINDSCREEN = {"x": 0.6, "y": 0.0, "z": 1.4}
+_MODELS = {"plumb_bob": "brown_conrady", "rational_polynomial": "brown_conrady",
+           "equidistant": "kannala_brandt", "fisheye": "kannala_brandt"}  # fmt: skip
+"""Our camera models by ROS's names of a distortion."""
+_COEFFICIENTS = {
+    name: ("k1", "k2", "k3", "k4") if model == "kannala_brandt" else ("k1", "k2", "p1", "p2", "k3")
+    for name, model in _MODELS.items()
+}
 _KITTI_LINE = re.compile(
     r"^\s*(P\d|P_rect_\d\d|R0_rect|R_rect_00|Tr_velo_to_cam|Tr_velo_cam)\s*:?\s"
 )
@@ -55,7 +66,7 @@ def read_calibration(text: str) -> Calibration:
 
     Args:
         text: KITTI's ``calib`` file; nuScenes' ``calibrated_sensor.json`` with ``sensor.json``, as
-            one object by file name; or a ``camera_info`` in YAML, or several.
+            one object by file name; a ``camera_info`` in YAML, or several; or Kalibr's camchain.
 
     Raises:
         BadInputError: it is none of these, or a number in it cannot be.
@@ -136,9 +147,7 @@ def _kitti(text: str) -> Read:
         moved = np.eye(4)
         moved[:3, 3] = -np.linalg.inv(projection[:, :3]) @ projection[:, 3]
         pose = _pose(car_from_camera @ moved @ optical)
-        said = _off_centre(f"CAM_{number}", projection[:, :3], _KITTI_SIZE)
-        warnings += said
-        sensors.append(_camera(f"CAM_{number}", pose, _KITTI_SIZE, float(projection[0, 0])))
+        sensors.append(_camera(f"CAM_{number}", pose, _KITTI_SIZE, projection[:, :3]))
     if lidar is not None:
         sensors.append(
             {"id": "VELODYNE", "kind": "lidar", "pose": _pose(car_from_lidar), "attributes": {}}
@@ -176,9 +185,7 @@ def _nuscenes(calibrated: list[Any], channels: list[Any]) -> Read:
         pose = _pose(car_from_sensor)
         if modality == "camera":
             matrix = np.array(intrinsic, dtype=np.float64).reshape(3, 3)
-            size = (1600, 900)
-            warnings += _off_centre(name, matrix, size)
-            sensors.append(_camera(name, pose, size, float(matrix[0, 0])))
+            sensors.append(_camera(name, pose, (1600, 900), matrix))
         elif modality in ("lidar", "radar"):
             sensors.append({"id": name, "kind": modality, "pose": pose, "attributes": {}})
         else:
@@ -201,7 +208,23 @@ def _camera_infos(text: str) -> Read:
             "This is no calibration that is known.",
             "Choose a calib file of KITTI, nuScenes' JSON, or a camera_info in YAML.",
         )
+    if is_camchain(documents[0]):
+        return _kalibr(documents[0])
     return _collected([_camera_info(one, n) for n, one in enumerate(documents[:_MOST_SENSORS])])
+
+
+def _kalibr(document: Mapping[str, Any]) -> Read:
+    import numpy as np
+
+    sensors, warnings = _collected([_camera_info(one, 0) for one in camera_infos(document)])
+    first = np.eye(4)
+    first[:3, 3] = [_WINDSCREEN[axis] for axis in "xyz"]
+    for sensor, first_from_sensor in zip(sensors, first_from_others(document), strict=True):
+        sensor["pose"] = _pose(first @ first_from_sensor)
+    return sensors, [
+        *warnings[:-1],
+        "Kalibr holds no pose on a car: cam0 stands behind the windscreen.",
+    ]
 
 
 def _collected(found: list[tuple[Document, list[str]]]) -> Read:
@@ -222,20 +245,30 @@ def _camera_info(info: Mapping[str, Any], number: int) -> tuple[Document, list[s
     values = given["data"] if isinstance(given, dict) else given
     matrix = np.array(values, dtype=np.float64).reshape(3, 3)
     name = _name(str(info.get("camera_name") or f"CAM_{number}"))
-    pose = {"x": 0.6, "y": 0.0, "z": 1.4}
-    camera = _camera(name, pose, size, float(matrix[0, 0]))
-    warnings = _off_centre(name, matrix, size)
     distortion = info.get("distortion_coefficients", info.get("D", info.get("d", ())))
     terms = distortion["data"] if isinstance(distortion, dict) else distortion
-    if any(abs(float(term)) > 1e-9 for term in terms):
+    terms = [float(term) for term in terms or ()]
+    model = str(info.get("distortion_model") or "plumb_bob")
+    names, warnings = _COEFFICIENTS.get(model, ()), []
+    bent = dict(zip(names, terms, strict=False))
+    if any(terms[len(names) :]):
+        bent = {}
         warnings.append(
-            f"{name}: the lens distortion is left out; pictures are those of a pinhole."
+            f"{name}: the lens distortion is left out, as no model here has the terms of {model}."
         )
-    return camera, warnings
+    return _camera(name, dict(_WINDSCREEN), size, matrix, model, bent), warnings
 
 
-def _camera(name: str, pose: Document, size: tuple[int, int], focal_px: float) -> Document:
+def _camera(
+    name: str,
+    pose: Document,
+    size: tuple[int, int],
+    matrix: FloatArray,
+    model: str = "",
+    distortion: Mapping[str, float] = MappingProxyType({}),
+) -> Document:
     width, height = size
+    focal_px = float(matrix[0, 0])
     if not (focal_px > 0 and 0 < width <= 20_000 and 0 < height <= 20_000):
         raise BadInputError(
             f"{name}: {width}×{height} pixels with a focal length of {focal_px} cannot be.",
@@ -243,19 +276,23 @@ def _camera(name: str, pose: Document, size: tuple[int, int], focal_px: float) -
         )
     fov_deg = math.degrees(2 * math.atan(width / (2 * focal_px)))
     attributes = {"image_size": [width, height], "fov_deg": round(fov_deg, 4)}
-    return {"id": name, "kind": "rgb", "pose": pose, "attributes": attributes}
+    camera = {"id": name, "kind": "rgb", "pose": pose, "attributes": attributes}
+    bent = any(abs(term) > 1e-9 for term in distortion.values())
+    if not bent and _is_plain(matrix, size):
+        return camera
+    fx, fy, cx, cy = (round(float(matrix[at]), 6) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
+    numbers = {"fx": fx, "fy": fy, "cx": cx + 0.5, "cy": cy + 0.5}
+    named = _MODELS[model] if bent else "pinhole"
+    lens = {"model": named, **numbers, **(distortion if bent else {})}
+    return {**camera, "attributes": {"image_size": [width, height]}, "lens": lens}
 
 
-def _off_centre(name: str, matrix: FloatArray, size: tuple[int, int]) -> list[str]:
-    """What a pinhole with its axis in the middle and square pixels cannot show."""
+def _is_plain(matrix: FloatArray, size: tuple[int, int]) -> bool:
+    """Whether a pinhole with its axis in the middle and square pixels shows it."""
     width, height = size
     off = max(abs(matrix[0, 2] - width / 2), abs(matrix[1, 2] - height / 2)) / width
-    said = []
-    if off > _OFF_CENTRE:
-        said.append(f"{name}: its principal point lies {off:.0%} of the width beside the middle.")
-    if abs(matrix[1, 1] / matrix[0, 0] - 1) > _OFF_CENTRE:
-        said.append(f"{name}: its pixels are not square; the width's focal length is taken.")
-    return said
+    square = abs(matrix[1, 1] / matrix[0, 0] - 1) <= _OFF_CENTRE
+    return bool(off <= _OFF_CENTRE and square)
 
 
 def _pose(car_from_sensor: FloatArray) -> Document:

@@ -9,8 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from typer.testing import CliRunner
 
 import analytic_dataset
+from carstage.cli.app import app
+from carstage.config.loading import check_config
 from carstage.config.presets import RIG_PRESETS
 from carstage.dataset import Dataset
 from carstage.errors import BadInputError
@@ -107,10 +110,51 @@ def test_a_camera_info_joins_the_rig_and_says_what_it_lacks() -> None:
     (camera,) = read.sensors
     assert not read.is_rig
     assert camera["id"] == "front_left_"
+    assert camera["attributes"] == {"image_size": [800, 600]}
+    lens = {"fx": 400.0, "fy": 400.0, "cx": 400.5, "cy": 300.5, "k1": -0.2, "k2": 0.1}
+    assert camera["lens"] == {"model": "brown_conrady", **lens, "p1": 0.0, "p2": 0.0, "k3": 0.0}
+    assert "no pose" in " ".join(read.warnings)
+    check_config({"rig": {"sensors": [camera]}})
+
+
+def test_a_camera_info_without_distortion_is_a_plain_pinhole() -> None:
+    (camera,) = read_calibration(
+        yaml.safe_dump({**CAMERA_INFO, "distortion_coefficients": [0.0] * 5})
+    ).sensors
     assert camera["attributes"] == {"image_size": [800, 600], "fov_deg": 90.0}
-    said = " ".join(read.warnings)
-    assert "lens distortion is left out" in said
-    assert "no pose" in said
+    assert "lens" not in camera
+
+
+def test_a_fisheyes_camera_info_becomes_a_fisheye() -> None:
+    fisheye = {"distortion_model": "equidistant", "distortion_coefficients": [0.1, 0.02, 0, 0]}
+    (camera,) = read_calibration(yaml.safe_dump({**CAMERA_INFO, **fisheye})).sensors
+    assert camera["lens"]["model"] == "kannala_brandt"
+    assert (camera["lens"]["k1"], camera["lens"]["k2"]) == (0.1, 0.02)
+
+
+def test_a_distortion_with_more_terms_is_left_out_and_said() -> None:
+    rational = {"distortion_model": "rational_polynomial", "distortion_coefficients": [0.1] * 8}
+    read = read_calibration(yaml.safe_dump({**CAMERA_INFO, **rational}))
+    assert "lens" not in read.sensors[0]
+    assert "lens distortion is left out" in " ".join(read.warnings)
+
+
+def test_kalibrs_camchain_gives_a_stereo_pair() -> None:
+    """The second camera stands 0.11 m to the right of the first: its points move to the left."""
+    camera = {
+        "camera_model": "pinhole", "distortion_model": "radtan",
+        "distortion_coeffs": [-0.28, 0.07, 0.0002, 0.00002],
+        "intrinsics": [458.6, 457.3, 367.2, 248.4], "resolution": [752, 480],
+    }  # fmt: skip
+    step = [[1, 0, 0, -0.11], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+    read = read_calibration(yaml.safe_dump({"cam0": camera, "cam1": {**camera, "T_cn_cnm1": step}}))
+    first, second = read.sensors
+    assert second["pose"]["y"] - first["pose"]["y"] == pytest.approx(0.11)
+    assert (second["pose"]["x"], second["pose"]["yaw_deg"]) == (first["pose"]["x"], 0.0)
+    assert (first["lens"]["p1"], first["lens"]["cx"]) == (0.0002, 367.7)
+    check_config({"rig": {"sensors": read.sensors}})
+    with pytest.raises(BadInputError, match="omni"):
+        read_calibration(yaml.safe_dump({"cam0": {**camera, "camera_model": "omni"}}))
 
 
 @pytest.mark.parametrize(
@@ -126,3 +170,13 @@ def test_what_is_no_calibration_is_refused_with_a_way_out(text: str) -> None:
     with pytest.raises(BadInputError) as refused:
         read_calibration(text)
     assert refused.value.hint
+
+
+def test_the_command_prints_a_rig_that_the_configuration_takes(tmp_path: Path) -> None:
+    files = [tmp_path / "left.yaml", tmp_path / "right.yaml"]
+    for path in files:
+        path.write_text(yaml.safe_dump({**CAMERA_INFO, "camera_name": path.stem}))
+    ended = CliRunner().invoke(app, ["rig", "import", *map(str, files)])
+    assert ended.exit_code == 0
+    config = check_config(yaml.safe_load(ended.stdout))
+    assert [sensor.id for sensor in config.sensors] == ["left", "right"]

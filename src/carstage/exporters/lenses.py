@@ -1,0 +1,39 @@
+"""Camera models in other formats."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from carstage.dataset import SensorCalibration
+from carstage.errors import BadInputError
+
+ROS_MODELS: Final = {"brown_conrady": "plumb_bob", "kannala_brandt": "equidistant"}
+"""Names of ``sensor_msgs/CameraInfo`` and of Foxglove by the camera model."""
+
+
+def lens_entry(camera: SensorCalibration) -> dict[str, Any]:
+    """A key ``lens`` with model and coefficients of a camera that has a lens, else nothing."""
+    lens = camera.bent
+    if lens is None:
+        return {}
+    return {"lens": {"model": lens.model, "distortion": list(lens.distortion)}}
+
+
+def no_place_for(camera: SensorCalibration) -> BadInputError:
+    """The error of a format that knows pinholes alone."""
+    model = camera.lens.model if camera.lens is not None else ""
+    return BadInputError(
+        f"This format has no place for the camera model {model} of {camera.id!r}.",
+        "Use the format mcap, coco or webdataset, or choose a camera without distortion.",
+    )
+
+
+def ros_distortion(camera: SensorCalibration) -> tuple[str, list[float]]:
+    """Distortion model and coefficients as ROS has them; empty without, or without a name there.
+
+    Coefficients are in OpenCV's order, ``k1 k2 p1 p2 k3`` and ``k1 k2 k3 k4``.
+    """
+    lens = camera.bent
+    if lens is None or lens.model not in ROS_MODELS:
+        return "", []
+    return ROS_MODELS[lens.model], list(lens.distortion)

@@ -225,6 +225,41 @@ class ReplayScenario(Section):
     )
 
 
+class LogScenario(Section):
+    """All road users move as in a log of CARLA's recorder; map, ego, traffic are taken from there.
+
+    Sensors, weather, labels and conversion are this configuration's own.
+    """
+
+    kind: Literal["log"] = setting(
+        title="Scenario", description="A log of CARLA's recorder.", group="ego"
+    )
+    file: str = setting(
+        title="Log",
+        description="File that `start_recorder` wrote, of CARLA or of the embedded simulator.",
+        group="ego",
+        min_length=1,
+    )
+    ego: str = setting(
+        "hero",
+        title="Ego",
+        description="The vehicle that carries the rig: its `role_name`, its id in the log, or a "
+        "pattern such as `vehicle.tesla.*`.",
+        group="ego",
+        min_length=1,
+        max_length=200,
+    )
+    start_s: float = setting(
+        0.0,
+        title="Begin at",
+        description="Where in the log the episode begins; at the next recorded frame.",
+        unit="s",
+        group="ego",
+        ge=0.0,
+        le=1e6,
+    )
+
+
 def _accept_former_name(data: Any) -> Any:
     """``hold`` is what versions up to 0.1 called ``stationary``."""
     if isinstance(data, dict) and data.get("kind") == "hold":
@@ -233,8 +268,8 @@ def _accept_former_name(data: Any) -> Any:
 
 
 Scenario = Annotated[
-    AutopilotScenario | RouteScenario | StationaryScenario | ReplayScenario,
+    AutopilotScenario | RouteScenario | StationaryScenario | ReplayScenario | LogScenario,
     Discriminator("kind"),
     BeforeValidator(_accept_former_name),
 ]
-SCENARIO_KINDS = ("autopilot", "route", "stationary", "replay")
+SCENARIO_KINDS = ("autopilot", "route", "stationary", "replay", "log")

@@ -45,12 +45,13 @@ def _check_blueprints(
     if config.ego.blueprint not in vehicles:
         message, hint = unknown("blueprint", config.ego.blueprint, vehicles)
         raise ConfigError(f"ego.blueprint: {message}", hint)
-    for track in recording.tracks if isinstance(recording, Recording) else ():
-        if track.blueprint not in known:
-            raise ConfigError(
-                f"scenario.episode: this server has no {track.blueprint}, which was recorded.",
-                "Use a server like the one that it was recorded with.",
-            )
+    if isinstance(recording, Recording):
+        for track in recording.tracks:
+            if track.blueprint not in known:
+                raise ConfigError(
+                    f"{recording.field}: this server has no {track.blueprint}, which was recorded.",
+                    "Use a server like the one that it was recorded with.",
+                )
     walkers = [name for name in known if name.startswith("walker.")]
     for position, group in enumerate(config.vehicles.groups):
         _check_group(f"vehicles.groups[{position}]", group, known, vehicles)

@@ -302,8 +302,8 @@ def _maps(
         ConfigError: the server does not have one of them.
     """
     if recording is not None:
-        field = "ego.driver" if isinstance(recording, Drive) else "scenario"
-        wanted: tuple[tuple[str, str], ...] = ((f"{field}.episode", recording.map),)
+        field = "ego.driver.episode" if isinstance(recording, Drive) else recording.field
+        wanted: tuple[tuple[str, str], ...] = ((field, recording.map),)
     elif config.map.choice is not None:
         wanted = (("map.choice", config.map.choice),)
     elif "all" in (config.map.random_from or ()):

@@ -9,8 +9,13 @@ import numpy as np
 
 from carstage.config import Config
 from carstage.config.events import Event
+from carstage.config.scene import (
+    LogScenario,
+    ReplayScenario,
+    RouteScenario,
+    StationaryScenario,
+)
 from carstage.config.scene import Place as ConfiguredPlace
-from carstage.config.scene import ReplayScenario, RouteScenario, StationaryScenario
 from carstage.errors import ConfigError
 from carstage.geometry import FloatArray
 from carstage.spec import (
@@ -71,19 +76,21 @@ class Track:
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """A recorded episode, as far as it can be played again.
+    """A recorded episode or log, as far as it can be played again.
 
     Attributes:
-        episode_id: the episode's.
+        episode_id: the episode's; of a log, a hash of its content.
         map: its map, without folders.
         duration_s: from its first frame to its last.
         tracks: the ego's first, then by actor id.
+        field: path of the setting that names it.
     """
 
     episode_id: str
     map: str
     duration_s: float
     tracks: tuple[Track, ...]
+    field: str = "scenario.episode"
 
 
 def plan_scenario(
@@ -94,7 +101,7 @@ def plan_scenario(
     Args:
         config: what the user asks for.
         spawn_points: number of the map's spawn points; None where it is unknown.
-        recording: for ``replay``.
+        recording: for ``replay`` and ``log``.
 
     Raises:
         ConfigError: a route leads through a spawn point that the map lacks, or the recording is
@@ -105,12 +112,9 @@ def plan_scenario(
         places = enumerate(scenario.through)
         through = tuple(_place(place, i, spawn_points) for i, place in places)
         return RouteSpec(through, _events(scenario.events))
-    if isinstance(scenario, ReplayScenario):
+    if isinstance(scenario, ReplayScenario | LogScenario):
         if recording is None:
-            raise ConfigError(
-                f"scenario.episode: {scenario.episode} was not read.",
-                "Give the folder of a recorded episode.",
-            )
+            raise ConfigError("scenario: what is to be played was not read.", "Name it.")
         return _replay(config, recording)
     if isinstance(scenario, StationaryScenario):
         return StationarySpec()
@@ -139,7 +143,7 @@ def _replay(config: Config, recording: Recording) -> ReplaySpec:
     if steps_s[-1] > recording.duration_s + _SLACK_S:
         possible_s = (np.floor(recording.duration_s * config.fps + _SLACK_S) + 1) / config.fps
         raise ConfigError(
-            f"duration_s: the recorded episode ends after {recording.duration_s:g} s.",
+            f"duration_s: what {recording.field} names ends after {recording.duration_s:g} s.",
             f"Give at most {possible_s:g} s.",
         )
     return ReplaySpec(

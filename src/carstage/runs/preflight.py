@@ -17,7 +17,7 @@ from carstage.config.dimensions import maps_of
 from carstage.config.drivers import ReplayDriver
 from carstage.config.fields import unknown
 from carstage.config.own_maps import own_maps
-from carstage.config.scene import ReplayScenario, map_name
+from carstage.config.scene import LogScenario, ReplayScenario, map_name
 from carstage.config.servers import CarlaServerConfig, EmbeddedServerConfig, RemoteServerConfig
 from carstage.errors import BadInputError, ConfigError
 from carstage.files.hashing import hash_of
@@ -236,16 +236,24 @@ def check_codecs(config: Config) -> None:
             raise ConfigError(f"conversion.codecs.{sensor_id}: {message}", hint)
 
 
-def recording_of(config: Config) -> Recording | Drive | None:
-    """The recorded episode that scenario or driver ``replay`` plays again; None for others.
+def recording_of(config: Config, folder: Path | None = None) -> Recording | Drive | None:
+    """The recorded episode or log that scenario or driver plays again; None for others.
+
+    Args:
+        config: the configuration.
+        folder: what the path of a log is relative to; None: the working directory.
 
     Raises:
-        ConfigError: there is no such episode.
+        ConfigError: there is no such episode or log.
     """
     if isinstance(config.ego.driver, ReplayDriver):
         from carstage.dataset.drives import read_drive
 
         return read_drive(config.ego.driver.episode)
+    if isinstance(config.scenario, LogScenario):
+        from carstage.dataset.recorder_log import read_log
+
+        return read_log(config.scenario, folder)
     if not isinstance(config.scenario, ReplayScenario):
         return None
     from carstage.dataset.trajectories import read_recording

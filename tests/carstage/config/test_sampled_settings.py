@@ -100,6 +100,7 @@ def test_strata_and_grids_decide_how_many_episodes_there_are() -> None:
         ),
         ("seed: {range: [1, 2]}", "seed: it is the same in all episodes"),
         ("scenario: {choice: [{kind: replay, episode: x}]}", "scenario.choice[0]: a replay is"),
+        ("scenario: {choice: [{kind: log, file: x}]}", "scenario.choice[0]: a replay is"),
         ("campaign: {sample: {'..': {range: [1, 2]}}}", "campaign.sample...: this is no path"),
         ("campaign: {method: gird}", "campaign.method: unknown value 'gird'."),
         ("campaign: {method: stratified}", "campaign.strata: no strata are named."),

@@ -67,11 +67,19 @@ def test_runs_and_exports_write_to_plain_names_alone(
 
 
 def test_recordings_outside_the_roots_are_not_replayed(site: Site, demo: dict[str, Any]) -> None:
-    for episode in ("/etc", "../other/episodes/x/a1"):
+    for episode in ("/etc", "../other/episodes/x/a1", "~/other/episodes/x/a1"):
         config = {**demo, "scenario": {"kind": "replay", "episode": episode}}
         check = site.client.post("/api/config/check", json={"config": config}).json()
         assert [error["path"] for error in check["errors"]] == [["scenario", "episode"]]
         assert "outside" in check["errors"][0]["message"]
+
+
+@pytest.mark.parametrize("file", ["/etc/hostname", "../drive.log", "~/drive.log"])
+def test_logs_outside_the_roots_are_not_read(site: Site, demo: dict[str, Any], file: str) -> None:
+    config = {**demo, "scenario": {"kind": "log", "file": file}}
+    check = site.client.post("/api/config/check", json={"config": config}).json()
+    assert [error["path"] for error in check["errors"]] == [["scenario", "file"]]
+    assert "outside" in check["errors"][0]["message"]
 
 
 @pytest.mark.parametrize(

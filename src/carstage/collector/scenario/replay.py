@@ -51,7 +51,7 @@ class Replay(Scenario):
             self._appear(index, 0)
         if 0 not in self._alive:
             raise SceneError(
-                "scenario.episode: there is no room for the recorded ego at its first place.",
+                "scenario: there is no room for the recorded ego at its first place.",
                 "Use the map and the server version that it was recorded with.",
             )
         self._ego = self._alive[0]

@@ -22,6 +22,7 @@ from carstage.config.scene import (
     Ego,
     MapConfig,
     Scenario,
+    check_program,
 )
 from carstage.config.sensors import Sensor
 from carstage.config.servers import EmbeddedServerConfig, ServerConfig
@@ -234,6 +235,7 @@ class Config(Section):
         """
         check_substepping(self.timing, self.fps)
         check_events(self.scenario, self.timing)
+        check_program(self.scenario, self.timing)
         check_driver(self.ego.driver, self.scenario, self.timing, self.colour_cameras)
         self._check_maps()
         self.check_steps()

@@ -11,8 +11,10 @@ from carstage.config import Config
 from carstage.config.events import Event
 from carstage.config.scene import (
     LogScenario,
+    OpenScenarioScenario,
     ReplayScenario,
     RouteScenario,
+    ScenicScenario,
     StationaryScenario,
 )
 from carstage.config.scene import Place as ConfiguredPlace
@@ -23,11 +25,13 @@ from carstage.spec import (
     AutopilotSpec,
     Control,
     EventSpec,
+    OpenScenarioSpec,
     Place,
     ReplayedActor,
     ReplaySpec,
     RouteSpec,
     ScenarioSpec,
+    ScenicSpec,
     StationarySpec,
 )
 
@@ -93,15 +97,32 @@ class Recording:
     field: str = "scenario.episode"
 
 
+@dataclass(frozen=True, slots=True)
+class ScenarioProgram:
+    """A program that another tool plays, as far as it decides an episode.
+
+    Attributes:
+        text_hash: named hash of its text.
+        version: of the tool: Scenic's, or a named hash of scenario_runner's modules.
+        map: the map that it plays in.
+        field: path of the setting that names the map.
+    """
+
+    text_hash: str
+    version: str
+    map: str
+    field: str
+
+
 def plan_scenario(
-    config: Config, spawn_points: int | None, recording: Recording | None
+    config: Config, spawn_points: int | None, recording: Recording | ScenarioProgram | None
 ) -> ScenarioSpec:
     """``scenario`` of the specification.
 
     Args:
         config: what the user asks for.
         spawn_points: number of the map's spawn points; None where it is unknown.
-        recording: for ``replay`` and ``log``.
+        recording: for ``replay``, ``log``, ``scenic``, ``openscenario``.
 
     Raises:
         ConfigError: a route leads through a spawn point that the map lacks, or the recording is
@@ -113,9 +134,19 @@ def plan_scenario(
         through = tuple(_place(place, i, spawn_points) for i, place in places)
         return RouteSpec(through, _events(scenario.events))
     if isinstance(scenario, ReplayScenario | LogScenario):
-        if recording is None:
+        if not isinstance(recording, Recording):
             raise ConfigError("scenario: what is to be played was not read.", "Name it.")
         return _replay(config, recording)
+    if isinstance(scenario, ScenicScenario):
+        if not isinstance(recording, ScenarioProgram):
+            raise ConfigError("scenario: the program was not read.", "Name it.")
+        return ScenicSpec(
+            recording.text_hash, recording.version, dict(scenario.params), scenario.mode_2d
+        )
+    if isinstance(scenario, OpenScenarioScenario):
+        if not isinstance(recording, ScenarioProgram):
+            raise ConfigError("scenario: the file was not read.", "Name it.")
+        return OpenScenarioSpec(recording.text_hash, recording.version, dict(scenario.params))
     if isinstance(scenario, StationaryScenario):
         return StationarySpec()
     return AutopilotSpec(_events(scenario.events))

@@ -17,19 +17,25 @@ from carstage.config.dimensions import maps_of
 from carstage.config.drivers import ReplayDriver
 from carstage.config.fields import unknown
 from carstage.config.own_maps import own_maps
-from carstage.config.scene import LogScenario, ReplayScenario, map_name
+from carstage.config.scene import (
+    LogScenario,
+    OpenScenarioScenario,
+    ReplayScenario,
+    ScenicScenario,
+    map_name,
+)
 from carstage.config.servers import CarlaServerConfig, EmbeddedServerConfig, RemoteServerConfig
 from carstage.errors import BadInputError, ConfigError
 from carstage.files.hashing import hash_of
 from carstage.files.home import without_tilde
 from carstage.plan import (
-    Drive,
     EpisodePlan,
-    Recording,
     RunEstimate,
     ServerFacts,
+    Source,
     plan_episodes,
 )
+from carstage.runs.programs import read_program
 from carstage.runs.server_lock import server_lock
 from carstage.runs.servers import ServerSetup
 from carstage.server import check_ports_free
@@ -236,8 +242,8 @@ def check_codecs(config: Config) -> None:
             raise ConfigError(f"conversion.codecs.{sensor_id}: {message}", hint)
 
 
-def recording_of(config: Config, folder: Path | None = None) -> Recording | Drive | None:
-    """The recorded episode or log that scenario or driver plays again; None for others.
+def recording_of(config: Config, folder: Path | None = None) -> Source | None:
+    """The recorded episode, log or program that scenario or driver plays; None for others.
 
     Args:
         config: the configuration.
@@ -250,6 +256,8 @@ def recording_of(config: Config, folder: Path | None = None) -> Recording | Driv
         from carstage.dataset.drives import read_drive
 
         return read_drive(config.ego.driver.episode)
+    if isinstance(config.scenario, ScenicScenario | OpenScenarioScenario):
+        return read_program(config.scenario)
     if isinstance(config.scenario, LogScenario):
         from carstage.dataset.recorder_log import read_log
 

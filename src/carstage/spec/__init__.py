@@ -21,11 +21,13 @@ from carstage.spec.road_users import GroupSpec, PedestriansSpec, TrafficSpec, Ve
 from carstage.spec.scenario import (
     AutopilotSpec,
     Control,
+    OpenScenarioSpec,
     RecordedSpec,
     ReplayedActor,
     ReplaySpec,
     RouteSpec,
     ScenarioSpec,
+    ScenicSpec,
     StationarySpec,
 )
 from carstage.spec.scene import EgoSpec, Place, Stand, WeatherChange, WeatherSpec
@@ -63,6 +65,7 @@ __all__ = [
     "GroupSpec",
     "LabelsSpec",
     "OccupancySpec",
+    "OpenScenarioSpec",
     "PedestriansSpec",
     "Place",
     "PoseSpec",
@@ -74,6 +77,7 @@ __all__ = [
     "RouteSpec",
     "SavedSteps",
     "ScenarioSpec",
+    "ScenicSpec",
     "Seeds",
     "SensorSpec",
     "SpecError",

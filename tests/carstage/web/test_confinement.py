@@ -116,6 +116,23 @@ def test_classes_that_a_request_names_do_not_drive(site: Site, demo: dict[str, A
     assert answer.status_code == 422
 
 
+@pytest.mark.parametrize(
+    "scenario",
+    [
+        {"kind": "scenic", "file": "a.scenic", "python": "/bin/sh"},
+        {"kind": "openscenario", "file": "a.xosc", "scenario_runner": "runner"},
+    ],
+)
+def test_programs_of_scenarios_are_not_started(
+    site: Site, demo: dict[str, Any], scenario: dict[str, str]
+) -> None:
+    config = {**demo, "scenario": scenario}
+    check = site.client.post("/api/config/check", json={"config": config}).json()
+    assert [error["path"] for error in check["errors"]] == [["scenario", "file"]]
+    answer = site.client.post("/api/runs", json={"config": config, "dataset": "new"})
+    assert answer.status_code == 422
+
+
 def test_drives_outside_the_roots_are_not_driven_again(site: Site, demo: dict[str, Any]) -> None:
     config = {**demo, "ego": {"driver": {"kind": "replay", "episode": "/etc"}}}
     check = site.client.post("/api/config/check", json={"config": config}).json()

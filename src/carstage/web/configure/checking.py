@@ -125,7 +125,12 @@ class ConfigChecker:
         from carstage.config.drivers import ClassDriver, ReplayDriver
         from carstage.config.explain import error_of
         from carstage.config.own_maps import map_sources
-        from carstage.config.scene import LogScenario, ReplayScenario
+        from carstage.config.scene import (
+            LogScenario,
+            OpenScenarioScenario,
+            ReplayScenario,
+            ScenicScenario,
+        )
         from carstage.files.home import without_tilde
 
         _check_interpreter(config.server.client_python)
@@ -140,6 +145,10 @@ class ConfigChecker:
             message = "a class of yours runs its code, which the page does not."
             hint = "Start this run with `carstage run`."
             raise error_of([(("ego", "driver", "name"), message, hint)])
+        if isinstance(config.scenario, ScenicScenario | OpenScenarioScenario):
+            message = "a program of yours would play it, which the page does not start."
+            hint = "Start this run with `carstage run`."
+            raise error_of([(("scenario", "file"), message, hint)])
         if isinstance(config.scenario, ReplayScenario):
             places.append((("scenario", "episode"), config.scenario.episode))
         if isinstance(config.scenario, LogScenario):

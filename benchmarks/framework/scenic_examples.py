@@ -26,7 +26,7 @@ TRIES = 3
 """Seeds: a program may refuse a scene of its own, as ``require always`` does."""
 FPS = 10
 _MODEL = re.compile(r"^model\s+scenic\.simulators\.carla\.model", re.MULTILINE)
-_TOLD = re.compile(r"the Scenic program failed: (.*)")
+_REPORTED = re.compile(r"the Scenic program failed: (.*)")
 _CONFIG: dict[str, Any] = {
     "fps": FPS,
     "image_size": [64, 36],
@@ -141,9 +141,9 @@ def _record(folder: Path, path: Path, python: Path, seconds: float, seed: int, w
         run_carstage("run", str(work / "config.yaml"), "--out", str(out), "--retries", "0")
         run_carstage("validate", str(out))
     except RuntimeError as error:
-        told = _TOLD.search(str(error))
+        reported = _REPORTED.search(str(error))
         last = (str(error).strip().splitlines() or [""])[-1]
-        return Tried(name, "", (told[1] if told else last).replace("|", "/")[:200], seed)
+        return Tried(name, "", (reported[1] if reported else last).replace("|", "/")[:200], seed)
     (episode,) = carstage.Dataset(out).episodes
     places = [row["location"] for row in episode.ego().to_pylist()]
     moved_m = sum((a - b) ** 2 for a, b in zip(places[0], places[-1], strict=True)) ** 0.5

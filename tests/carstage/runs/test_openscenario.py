@@ -156,8 +156,11 @@ def test_the_file_moves_the_others_and_the_driver_the_ego(
     ]
     speed = np.array([np.linalg.norm(row["velocity"]) for row in rows])
     assert len(speed) == 80
-    assert abs(speed[20:35] - LEAD_M_S).max() < 0.5
-    assert (speed[-1] > LEAD_M_S - 0.5) == drives_on
+    assert speed[30] > 1.5  # the file's own parameter is 1 m/s
+    if drives_on:
+        assert abs(speed[60:] - LEAD_M_S).max() < 0.5
+    else:
+        assert speed[-1] < 0.1
 
 
 @pytest.mark.parametrize(

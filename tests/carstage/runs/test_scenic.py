@@ -22,7 +22,11 @@ from carstage.spec import ScenicSpec
 from running_simulator import RunningSimulator
 from scenic_python import scenic_python
 
-pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("following")]
+pytestmark = [
+    pytest.mark.end_to_end,
+    pytest.mark.xdist_group("following"),
+    pytest.mark.timeout(900),  # Scenic reads a map for a minute or two
+]
 
 WARM_UP, FRAMES, STEP_S = 8, 12, 0.1
 OWN_PROGRAM = Path(__file__).parents[2] / "support" / "scenic_own_program.py"

@@ -593,3 +593,40 @@ def events(
             progress=progress,
         )
     return report(campaign, json)
+
+
+@benchmark("scenic-examples", takes="40 minutes")
+def scenic_examples(
+    folder: Annotated[
+        Path, typer.Argument(help="Scenic's folder, with examples and assets.", exists=True)
+    ],
+    python: Annotated[Path, typer.Option(help="The Python that has Scenic and carla.")],
+    only: Annotated[
+        list[str] | None,
+        typer.Option("--only", help="Programs whose path contains this; may be given again; all."),
+    ] = None,
+    seconds: Annotated[float, typer.Option(min=0.5, help="Simulated, of each program.")] = 3.0,
+    json: Json = False,
+) -> int:
+    """Whether Scenic's own examples for CARLA run as scenarios; nothing is fetched."""
+    from benchmarks.framework.scenic_examples import (
+        measure_scenic_examples,
+        programs,
+        rows,
+        text,
+    )
+    from carstage.cli.progress import watch_steps
+
+    chosen = [
+        path
+        for path in programs(folder)
+        if not only or any(part in path.as_posix() for part in only)
+    ]
+    if not chosen:
+        note(f"There is no program for CARLA in {folder / 'examples' / 'carla'}.")
+        return 2
+    with watch_steps("Programs", "programs") as progress:
+        verdict, tried = measure_scenic_examples(
+            folder, python, chosen=chosen, seconds=seconds, progress=progress
+        )
+    return report(verdict, json, text(tried), programs=rows(tried))

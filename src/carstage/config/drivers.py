@@ -11,7 +11,7 @@ from carstage.config.timing import Timing
 from carstage.spec.drivers import MOST_PARAMETERS, is_class_name
 
 DRIVER_KINDS = ("autopilot", "route", "class", "keyboard", "gamepad", "wheel", "replay")
-DRIVEN_SCENARIOS = ("autopilot", "route")
+DRIVEN_SCENARIOS = ("autopilot", "route", "openscenario")
 _PLACE = ("ego", "driver")
 
 
@@ -225,7 +225,7 @@ def check_driver(driver: Section, scenario: Section, timing: Timing, cameras: li
     if kind not in DRIVEN_SCENARIOS:
         raise problem(
             f"in scenario {kind} nobody drives the ego.",
-            f"Use scenario {' or '.join(DRIVEN_SCENARIOS)}, or leave the driver out.",
+            f"Use scenario {' or '.join(DRIVEN_SCENARIOS[:2])}, or leave the driver out.",
             *_PLACE,
         )
     if timing.mode != "sync":

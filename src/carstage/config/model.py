@@ -23,6 +23,7 @@ from carstage.config.scene import (
     Ego,
     MapConfig,
     Scenario,
+    check_program,
 )
 from carstage.config.sensors import CameraSensor, Sensor
 from carstage.config.servers import EmbeddedServerConfig, ServerConfig
@@ -236,6 +237,7 @@ class Config(Section):
         """
         check_substepping(self.timing, self.fps)
         check_events(self.scenario, self.timing)
+        check_program(self.scenario, self.timing)
         check_driver(self.ego.driver, self.scenario, self.timing, self.colour_cameras)
         self._check_maps()
         self.check_steps()

@@ -20,7 +20,7 @@ from carstage.config.explain import config_error, error_of
 from carstage.config.fields import path_text
 from carstage.config.model import Config
 from carstage.config.paths import place_value
-from carstage.config.scene import ReplayScenario
+from carstage.config.scene import FROM_FILES
 from carstage.errors import ConfigError
 
 Problem = tuple[Path, str, str]
@@ -102,8 +102,11 @@ def check_samples(
         for place, value in sampled.ends:
             try:
                 varied = variants.with_values({path: value})
-                if path[0] == "scenario" and isinstance(varied.scenario, ReplayScenario):
-                    raise error_of([(path, "a replay is the same in all episodes.", "Fix it.")])
+                fixed = isinstance(varied.scenario, FROM_FILES)
+                if path[0] == "scenario" and fixed:
+                    raise error_of(
+                        [(path, "what a file tells is the same in all episodes.", "Fix it.")]
+                    )
             except ConfigError as error:
                 found = [
                     (_inside(at, path, place), message, hint)

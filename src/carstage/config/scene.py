@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Discriminator, Field, Strict, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Strict, field_validator, model_validator
 
 from carstage.config.drivers import AutopilotDriver, Driver
 from carstage.config.events import Events, no_events
 from carstage.config.fields import Names, Section, problem, setting, shortened, unknown
+from carstage.config.timing import Timing
+from carstage.spec.drivers import MOST_PARAMETERS
 
 DEFAULT_MAP = "Stage01"
 MAP_SUFFIX = ".xodr"
@@ -225,6 +227,169 @@ class ReplayScenario(Section):
     )
 
 
+class LogScenario(Section):
+    """All road users move as in a log of CARLA's recorder; map, ego, traffic are taken from there.
+
+    Sensors, weather, labels and conversion are this configuration's own.
+    """
+
+    kind: Literal["log"] = setting(
+        title="Scenario", description="A log of CARLA's recorder.", group="ego"
+    )
+    file: str = setting(
+        title="Log",
+        description="File that `start_recorder` wrote, of CARLA or of the embedded simulator.",
+        group="ego",
+        min_length=1,
+    )
+    ego: str = setting(
+        "hero",
+        title="Ego",
+        description="The vehicle that carries the rig: its `role_name`, its id in the log, or a "
+        "pattern such as `vehicle.tesla.*`.",
+        group="ego",
+        min_length=1,
+        max_length=200,
+    )
+    start_s: float = setting(
+        0.0,
+        title="Begin at",
+        description="Where in the log the episode begins; at the next recorded frame.",
+        unit="s",
+        group="ego",
+        ge=0.0,
+        le=1e6,
+    )
+
+
+class OpenScenarioScenario(Section):
+    """scenario_runner plays an OpenSCENARIO file; map and traffic are taken from there.
+
+    Sensors, weather, labels and conversion are this configuration's own.
+    """
+
+    kind: Literal["openscenario"] = setting(
+        title="Scenario", description="An OpenSCENARIO 1.x file.", group="ego"
+    )
+    file: str = setting(
+        title="File",
+        description="The `.xosc` file; see docs/how-to/scenarios.md.",
+        group="ego",
+        min_length=1,
+    )
+    scenario_runner: str = setting(
+        title="scenario_runner",
+        description="Folder of CARLA's scenario_runner, with `scenario_runner.py`.",
+        group="ego",
+        min_length=1,
+    )
+    params: dict[str, bool | int | float | str] = setting(
+        dict,
+        title="Parameters",
+        description="Values of the file's parameters that override it.",
+        group="ego",
+        max_length=MOST_PARAMETERS,
+    )
+    python: str = setting(
+        "auto",
+        title="Python",
+        description="An interpreter that has scenario_runner's packages, CARLA's `agents` and the "
+        "`carla` wheel; `auto`: this one.",
+        group="ego",
+        min_length=1,
+    )
+
+    @field_validator("params")
+    @classmethod
+    def _check_params(cls, params: dict[str, Any]) -> dict[str, Any]:
+        for name, value in params.items():
+            if not name.isidentifier() or set(str(value)) & set(",:"):
+                raise problem("this cannot be given.", "Leave out commas and colons.", name)
+        return params
+
+
+_SET_BY_US = {
+    "map": "scenario.map",
+    "carla_map": "scenario.map",
+    "timestep": "fps",
+    "weather": "weather",
+    "address": "server",
+    "port": "server",
+    "timeout": "supervision",
+    "render": "the rig",
+    "record": "output",
+}
+"""Scenic's global parameters that follow from a setting of ours."""
+
+
+class ScenicScenario(Section):
+    """A Scenic program places and moves everybody; the ego is its ``ego``.
+
+    Sensors, weather, labels and conversion are this configuration's own.
+    """
+
+    kind: Literal["scenic"] = setting(
+        title="Scenario", description="A Scenic program.", group="ego"
+    )
+    file: str = setting(
+        title="Program",
+        description="The `.scenic` file; see docs/how-to/scenarios.md.",
+        group="ego",
+        min_length=1,
+    )
+    params: dict[str, bool | int | float | str] = setting(
+        dict,
+        title="Parameters",
+        description="Global parameters that override those of the program.",
+        group="ego",
+        max_length=MOST_PARAMETERS,
+    )
+    map: str | None = setting(
+        None,
+        title="Map",
+        description="A map's name instead of the one that the program names.",
+        group="ego",
+        min_length=1,
+    )
+    mode_2d: bool = setting(
+        True,
+        title="2D mode",
+        description="Scenic's 2D compatibility mode (`--2d`), as its examples for CARLA need it.",
+        group="ego",
+    )
+    python: str = setting(
+        "auto",
+        title="Python",
+        description="An interpreter that has Scenic 3 and the `carla` wheel; `auto`: this one.",
+        group="ego",
+        min_length=1,
+    )
+
+    @field_validator("params")
+    @classmethod
+    def _check_params(cls, params: dict[str, Any]) -> dict[str, Any]:
+        for name in params:
+            if not name.isidentifier():
+                raise problem("this cannot be a parameter's name.", "Use letters and '_'.", name)
+            if name in _SET_BY_US:
+                raise problem("Car-STAGE sets it.", f"It follows from {_SET_BY_US[name]}.", name)
+        return params
+
+
+def check_program(scenario: Section, timing: Timing) -> None:
+    """Refuse a program where the world runs by the clock.
+
+    Raises:
+        PydanticCustomError: with the path of the setting.
+    """
+    if isinstance(scenario, ScenicScenario | OpenScenarioScenario) and timing.mode != "sync":
+        raise problem(
+            "a program needs a world that waits for each step.",
+            "Set timing.mode to sync.",
+            *("scenario", "kind"),
+        )
+
+
 def _accept_former_name(data: Any) -> Any:
     """``hold`` is what versions up to 0.1 called ``stationary``."""
     if isinstance(data, dict) and data.get("kind") == "hold":
@@ -233,8 +398,16 @@ def _accept_former_name(data: Any) -> Any:
 
 
 Scenario = Annotated[
-    AutopilotScenario | RouteScenario | StationaryScenario | ReplayScenario,
+    AutopilotScenario
+    | RouteScenario
+    | StationaryScenario
+    | ReplayScenario
+    | LogScenario
+    | ScenicScenario
+    | OpenScenarioScenario,
     Discriminator("kind"),
     BeforeValidator(_accept_former_name),
 ]
-SCENARIO_KINDS = ("autopilot", "route", "stationary", "replay")
+FROM_FILES = (ReplayScenario, LogScenario, ScenicScenario, OpenScenarioScenario)
+"""Scenarios that follow a file, which is read once for all episodes."""
+SCENARIO_KINDS = ("autopilot", "route", "stationary", "replay", "log", "scenic", "openscenario")

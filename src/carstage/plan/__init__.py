@@ -10,8 +10,9 @@ from carstage.plan.estimate import RunEstimate, estimate_run, estimate_tick_s
 from carstage.plan.facts import ServerFacts
 from carstage.plan.planning import PlanMatcher, plan_episodes
 from carstage.plan.sampling import Sampling
-from carstage.plan.scenario import Recording, Start, Track
+from carstage.plan.scenario import Recording, ScenarioProgram, Start, Track
 from carstage.plan.sharding import Shard
+from carstage.plan.sources import Source
 
 __all__ = [
     "Drive",
@@ -20,8 +21,10 @@ __all__ = [
     "Recording",
     "RunEstimate",
     "Sampling",
+    "ScenarioProgram",
     "ServerFacts",
     "Shard",
+    "Source",
     "Start",
     "Track",
     "estimate_run",

@@ -12,21 +12,21 @@ from carstage.config.attributes import CameraAttributes
 from carstage.config.fields import path_text, unknown
 from carstage.config.traffic import Pedestrians, VehicleGroup, Vehicles
 from carstage.errors import ConfigError
-from carstage.plan.drivers import Drive
 from carstage.plan.facts import ServerFacts
 from carstage.plan.scenario import Recording
+from carstage.plan.sources import Source
 from carstage.sensor_kinds import sensor_kind
 
 _SIDES = ("image_size_x", "image_size_y")
 
 
-def check_offered(config: Config, facts: ServerFacts, recording: Recording | Drive | None) -> None:
+def check_offered(config: Config, facts: ServerFacts, recording: Source | None) -> None:
     """Refuse blueprints, attributes and values of them that the server does not have.
 
     Args:
         config: what the user asks for.
         facts: what the server offers; where its blueprints are unknown, none are checked.
-        recording: what scenario ``replay`` moves the road users by, or driver ``replay`` drives by.
+        recording: what scenario or driver plays, where that is a file.
 
     Raises:
         ConfigError: with the field's path.
@@ -35,9 +35,7 @@ def check_offered(config: Config, facts: ServerFacts, recording: Recording | Dri
     _check_limits(config, facts)
 
 
-def _check_blueprints(
-    config: Config, facts: ServerFacts, recording: Recording | Drive | None
-) -> None:
+def _check_blueprints(config: Config, facts: ServerFacts, recording: Source | None) -> None:
     """Refuse blueprints and attributes that the server does not have."""
     known = facts.blueprints
     if not known:
@@ -46,12 +44,13 @@ def _check_blueprints(
     if config.ego.blueprint not in vehicles:
         message, hint = unknown("blueprint", config.ego.blueprint, vehicles)
         raise ConfigError(f"ego.blueprint: {message}", hint)
-    for track in recording.tracks if isinstance(recording, Recording) else ():
-        if track.blueprint not in known:
-            raise ConfigError(
-                f"scenario.episode: this server has no {track.blueprint}, which was recorded.",
-                "Use a server like the one that it was recorded with.",
-            )
+    if isinstance(recording, Recording):
+        for track in recording.tracks:
+            if track.blueprint not in known:
+                raise ConfigError(
+                    f"{recording.field}: this server has no {track.blueprint}, which was recorded.",
+                    "Use a server like the one that it was recorded with.",
+                )
     walkers = [name for name in known if name.startswith("walker.")]
     _check_labels(config, known)
     for position, group in enumerate(config.vehicles.groups):

@@ -28,7 +28,8 @@ from carstage.plan.facts import ServerFacts
 from carstage.plan.offered import check_offered
 from carstage.plan.rig import plan_sensors
 from carstage.plan.sampling import Sampling
-from carstage.plan.scenario import Recording, plan_scenario
+from carstage.plan.scenario import plan_scenario
+from carstage.plan.sources import Source
 from carstage.spec import (
     BirdsEyeSpec,
     EgoSpec,
@@ -57,7 +58,7 @@ Made = TypeVar("Made")
 
 
 def plan_episodes(
-    config: Config, facts: ServerFacts, recording: Recording | Drive | None = None
+    config: Config, facts: ServerFacts, recording: Source | None = None
 ) -> EpisodePlan:
     """The episodes of a configuration.
 
@@ -67,8 +68,7 @@ def plan_episodes(
     Args:
         config: what the user asks for.
         facts: what the server offers.
-        recording: what scenario ``replay`` moves the road users by, or what driver ``replay``
-            drives by.
+        recording: what scenario or driver plays, where that is a file.
 
     Raises:
         ConfigError: the server lacks a map, a blueprint, an attribute or a spawn point, a sensor is
@@ -88,9 +88,7 @@ def plan_episodes(
     return EpisodePlan(make, np.arange(config.episodes), tuple(ids), needs)
 
 
-def _check_samples_offered(
-    config: Config, facts: ServerFacts, recording: Recording | Drive | None
-) -> None:
+def _check_samples_offered(config: Config, facts: ServerFacts, recording: Source | None) -> None:
     """Refuse sampled values that the server does not have, before any of them is drawn.
 
     Raises:
@@ -116,13 +114,10 @@ class _Planner:
     Args:
         config: what the user asks for.
         facts: what the server offers.
-        recording: what scenario ``replay`` moves the road users by, or what driver ``replay``
-            drives by.
+        recording: what scenario or driver plays, where that is a file.
     """
 
-    def __init__(
-        self, config: Config, facts: ServerFacts, recording: Recording | Drive | None
-    ) -> None:
+    def __init__(self, config: Config, facts: ServerFacts, recording: Source | None) -> None:
         self.sampling = Sampling(config)
         self._facts = facts
         self._recording = recording
@@ -293,17 +288,15 @@ def _pick(names: Iterable[str], draw: float) -> str:
     return options[int(draw * len(options))]
 
 
-def _maps(
-    config: Config, facts: ServerFacts, recording: Recording | Drive | None
-) -> tuple[str, ...]:
+def _maps(config: Config, facts: ServerFacts, recording: Source | None) -> tuple[str, ...]:
     """The maps that an episode may get.
 
     Raises:
         ConfigError: the server does not have one of them.
     """
     if recording is not None:
-        field = "ego.driver" if isinstance(recording, Drive) else "scenario"
-        wanted: tuple[tuple[str, str], ...] = ((f"{field}.episode", recording.map),)
+        field = "ego.driver.episode" if isinstance(recording, Drive) else recording.field
+        wanted: tuple[tuple[str, str], ...] = ((field, recording.map),)
     elif config.map.choice is not None:
         wanted = (("map.choice", config.map.choice),)
     elif "all" in (config.map.random_from or ()):

@@ -9,8 +9,15 @@ import numpy as np
 
 from carstage.config import Config
 from carstage.config.events import Event
+from carstage.config.scene import (
+    LogScenario,
+    OpenScenarioScenario,
+    ReplayScenario,
+    RouteScenario,
+    ScenicScenario,
+    StationaryScenario,
+)
 from carstage.config.scene import Place as ConfiguredPlace
-from carstage.config.scene import ReplayScenario, RouteScenario, StationaryScenario
 from carstage.errors import ConfigError
 from carstage.geometry import FloatArray
 from carstage.spec import (
@@ -18,11 +25,13 @@ from carstage.spec import (
     AutopilotSpec,
     Control,
     EventSpec,
+    OpenScenarioSpec,
     Place,
     ReplayedActor,
     ReplaySpec,
     RouteSpec,
     ScenarioSpec,
+    ScenicSpec,
     StationarySpec,
 )
 
@@ -71,30 +80,49 @@ class Track:
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """A recorded episode, as far as it can be played again.
+    """A recorded episode or log, as far as it can be played again.
 
     Attributes:
-        episode_id: the episode's.
+        episode_id: the episode's; of a log, a hash of its content.
         map: its map, without folders.
         duration_s: from its first frame to its last.
         tracks: the ego's first, then by actor id.
+        field: path of the setting that names it.
     """
 
     episode_id: str
     map: str
     duration_s: float
     tracks: tuple[Track, ...]
+    field: str = "scenario.episode"
+
+
+@dataclass(frozen=True, slots=True)
+class ScenarioProgram:
+    """A program that another tool plays, as far as it decides an episode.
+
+    Attributes:
+        text_hash: named hash of its text.
+        version: of the tool: Scenic's, or a named hash of scenario_runner's modules.
+        map: the map that it plays in.
+        field: path of the setting that names the map.
+    """
+
+    text_hash: str
+    version: str
+    map: str
+    field: str
 
 
 def plan_scenario(
-    config: Config, spawn_points: int | None, recording: Recording | None
+    config: Config, spawn_points: int | None, recording: Recording | ScenarioProgram | None
 ) -> ScenarioSpec:
     """``scenario`` of the specification.
 
     Args:
         config: what the user asks for.
         spawn_points: number of the map's spawn points; None where it is unknown.
-        recording: for ``replay``.
+        recording: for ``replay``, ``log``, ``scenic``, ``openscenario``.
 
     Raises:
         ConfigError: a route leads through a spawn point that the map lacks, or the recording is
@@ -105,13 +133,20 @@ def plan_scenario(
         places = enumerate(scenario.through)
         through = tuple(_place(place, i, spawn_points) for i, place in places)
         return RouteSpec(through, _events(scenario.events))
-    if isinstance(scenario, ReplayScenario):
-        if recording is None:
-            raise ConfigError(
-                f"scenario.episode: {scenario.episode} was not read.",
-                "Give the folder of a recorded episode.",
-            )
+    if isinstance(scenario, ReplayScenario | LogScenario):
+        if not isinstance(recording, Recording):
+            raise ConfigError("scenario: what is to be played was not read.", "Name it.")
         return _replay(config, recording)
+    if isinstance(scenario, ScenicScenario):
+        if not isinstance(recording, ScenarioProgram):
+            raise ConfigError("scenario: the program was not read.", "Name it.")
+        return ScenicSpec(
+            recording.text_hash, recording.version, dict(scenario.params), scenario.mode_2d
+        )
+    if isinstance(scenario, OpenScenarioScenario):
+        if not isinstance(recording, ScenarioProgram):
+            raise ConfigError("scenario: the file was not read.", "Name it.")
+        return OpenScenarioSpec(recording.text_hash, recording.version, dict(scenario.params))
     if isinstance(scenario, StationaryScenario):
         return StationarySpec()
     return AutopilotSpec(_events(scenario.events))
@@ -139,7 +174,7 @@ def _replay(config: Config, recording: Recording) -> ReplaySpec:
     if steps_s[-1] > recording.duration_s + _SLACK_S:
         possible_s = (np.floor(recording.duration_s * config.fps + _SLACK_S) + 1) / config.fps
         raise ConfigError(
-            f"duration_s: the recorded episode ends after {recording.duration_s:g} s.",
+            f"duration_s: what {recording.field} names ends after {recording.duration_s:g} s.",
             f"Give at most {possible_s:g} s.",
         )
     return ReplaySpec(

@@ -17,19 +17,25 @@ from carstage.config.dimensions import maps_of
 from carstage.config.drivers import ReplayDriver
 from carstage.config.fields import unknown
 from carstage.config.own_maps import own_maps
-from carstage.config.scene import ReplayScenario, map_name
+from carstage.config.scene import (
+    LogScenario,
+    OpenScenarioScenario,
+    ReplayScenario,
+    ScenicScenario,
+    map_name,
+)
 from carstage.config.servers import CarlaServerConfig, EmbeddedServerConfig, RemoteServerConfig
 from carstage.errors import BadInputError, ConfigError
 from carstage.files.hashing import hash_of
 from carstage.files.home import without_tilde
 from carstage.plan import (
-    Drive,
     EpisodePlan,
-    Recording,
     RunEstimate,
     ServerFacts,
+    Source,
     plan_episodes,
 )
+from carstage.runs.programs import read_program
 from carstage.runs.server_lock import server_lock
 from carstage.runs.servers import ServerSetup
 from carstage.server import check_ports_free
@@ -236,16 +242,26 @@ def check_codecs(config: Config) -> None:
             raise ConfigError(f"conversion.codecs.{sensor_id}: {message}", hint)
 
 
-def recording_of(config: Config) -> Recording | Drive | None:
-    """The recorded episode that scenario or driver ``replay`` plays again; None for others.
+def recording_of(config: Config, folder: Path | None = None) -> Source | None:
+    """The recorded episode, log or program that scenario or driver plays; None for others.
+
+    Args:
+        config: the configuration.
+        folder: what the path of a log is relative to; None: the working directory.
 
     Raises:
-        ConfigError: there is no such episode.
+        ConfigError: there is no such episode or log.
     """
     if isinstance(config.ego.driver, ReplayDriver):
         from carstage.dataset.drives import read_drive
 
         return read_drive(config.ego.driver.episode)
+    if isinstance(config.scenario, ScenicScenario | OpenScenarioScenario):
+        return read_program(config.scenario)
+    if isinstance(config.scenario, LogScenario):
+        from carstage.dataset.recorder_log import read_log
+
+        return read_log(config.scenario, folder)
     if not isinstance(config.scenario, ReplayScenario):
         return None
     from carstage.dataset.trajectories import read_recording

@@ -279,6 +279,7 @@ class ServerWorker:
                 *event_plugins(spec.scenario.events),
             ],
             "driver_folders": self._setup.driver_folders,
+            **self._setup.program,
             "server": {
                 "host": endpoint.host,
                 "port": endpoint.port,

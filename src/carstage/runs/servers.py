@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from carstage.config import Config
 from carstage.config.drivers import ClassDriver
 from carstage.config.explain import error_of
 from carstage.config.output import Output
 from carstage.config.own_maps import OwnMap, map_sources, own_maps
+from carstage.config.scene import OpenScenarioScenario, ScenicScenario
 from carstage.config.servers import CarlaServerConfig, EmbeddedServerConfig, RemoteServerConfig
 from carstage.config.supervision import Supervision
 from carstage.errors import BadInputError, ServerError
@@ -18,6 +20,7 @@ from carstage.files.home import without_tilde
 from carstage.plan import ServerFacts
 from carstage.releases import refusal
 from carstage.runs.asking import ask_server
+from carstage.runs.programs import program_plan
 from carstage.server import (
     ANY_PORTS,
     CarlaServer,
@@ -149,6 +152,14 @@ class ServerSetup:
         driver = self._config.ego.driver
         folders = driver.folders if isinstance(driver, ClassDriver) else ()
         return [str(without_tilde(folder).absolute()) for folder in folders]
+
+    @property
+    def program(self) -> dict[str, Any]:
+        """What the collector's plan says of a scenario's program; nothing where there is none."""
+        scenario = self._config.scenario
+        if isinstance(scenario, ScenicScenario | OpenScenarioScenario):
+            return {"program": program_plan(scenario)}
+        return {}
 
     @property
     def raw_must_last(self) -> bool:

@@ -22,11 +22,13 @@ from carstage.spec.road_users import GroupSpec, PedestriansSpec, TrafficSpec, Ve
 from carstage.spec.scenario import (
     AutopilotSpec,
     Control,
+    OpenScenarioSpec,
     RecordedSpec,
     ReplayedActor,
     ReplaySpec,
     RouteSpec,
     ScenarioSpec,
+    ScenicSpec,
     StationarySpec,
 )
 from carstage.spec.scene import EgoSpec, Place, Stand, WeatherChange, WeatherSpec
@@ -65,6 +67,7 @@ __all__ = [
     "LabelsSpec",
     "LensSpec",
     "OccupancySpec",
+    "OpenScenarioSpec",
     "PedestriansSpec",
     "Place",
     "PoseSpec",
@@ -76,6 +79,7 @@ __all__ = [
     "RouteSpec",
     "SavedSteps",
     "ScenarioSpec",
+    "ScenicSpec",
     "Seeds",
     "SensorSpec",
     "SpecError",

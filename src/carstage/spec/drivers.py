@@ -87,7 +87,7 @@ class ClassDriverSpec(DriverSpec):
         name = section.text("name")
         if not is_class_name(name):
             raise SpecError("%s: %r is not module:Class." % (section.path("name"), name))
-        return cls(name=name, parameters=_parameters(section))
+        return cls(name=name, parameters=read_parameters(section))
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,8 @@ def is_class_name(text: str) -> bool:
     return bool(colon) and all(part.isidentifier() for part in (*module.split("."), name))
 
 
-def _parameters(section: Fields) -> Mapping[str, Parameter]:
+def read_parameters(section: Fields) -> Mapping[str, Parameter]:
+    """Check and read ``parameters`` of a section: words, numbers and flags by name."""
     if "parameters" not in section:
         return {}
     given = section.any("parameters")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Dict, List, Mapping, NamedTuple, Optional, Tuple, Type, Union
 
+from carstage.spec.drivers import Parameter, read_parameters
 from carstage.spec.events import EventSpec, read_events
 from carstage.spec.fields import Fields, SpecError, is_number, shown
 from carstage.spec.plain import LEFT_OUT, plain
@@ -143,6 +144,61 @@ class ReplaySpec(ScenarioSpec):
 
 
 @dataclass(frozen=True)
+class ScenicSpec(ScenarioSpec):
+    """A Scenic program places and moves everybody.
+
+    Attributes:
+        program: named hash of its text.
+        version: Scenic's.
+        parameters: global parameters that override the program's.
+        mode_2d: it is compiled in Scenic's 2D compatibility mode.
+    """
+
+    kind = json_kind = "scenic"
+    program: str
+    version: str
+    parameters: Mapping[str, Parameter]
+    mode_2d: bool
+
+    @classmethod
+    def read(cls, fields: Fields, steps: int) -> ScenicSpec:
+        """Check and read the section."""
+        del steps
+        return cls(
+            program=fields.text("program"),
+            version=fields.text("version"),
+            parameters=read_parameters(fields),
+            mode_2d=fields.flag("mode_2d"),
+        )
+
+
+@dataclass(frozen=True)
+class OpenScenarioSpec(ScenarioSpec):
+    """scenario_runner plays an OpenSCENARIO file.
+
+    Attributes:
+        program: named hash of the file.
+        runner: named hash of scenario_runner's modules.
+        parameters: values of the file's parameters that override it.
+    """
+
+    kind = json_kind = "openscenario"
+    program: str
+    runner: str
+    parameters: Mapping[str, Parameter]
+
+    @classmethod
+    def read(cls, fields: Fields, steps: int) -> OpenScenarioSpec:
+        """Check and read the section."""
+        del steps
+        return cls(
+            program=fields.text("program"),
+            runner=fields.text("runner"),
+            parameters=read_parameters(fields),
+        )
+
+
+@dataclass(frozen=True)
 class RecordedSpec(ScenarioSpec):
     """Another program made the ticks and moved everybody; this was recorded beside it.
 
@@ -226,6 +282,8 @@ _KINDS: Tuple[Type[ScenarioSpec], ...] = (
     StationarySpec,
     RouteSpec,
     ReplaySpec,
+    ScenicSpec,
+    OpenScenarioSpec,
     RecordedSpec,
 )
 

@@ -222,6 +222,21 @@ REFUSED = {
         "Add it",
     ),
     "replay of nothing": ("scenario: {kind: replay}", "scenario.episode: ", "Add it"),
+    "Scenic's map": (
+        "scenario: {kind: scenic, file: a.scenic, params: {map: b}}",
+        "scenario.params.map: Car-STAGE sets it.",
+        "scenario.map",
+    ),
+    "Scenic by the clock": (
+        "scenario: {kind: scenic, file: a.scenic}\ntiming: {mode: async}",
+        "scenario.kind: a program needs a world that waits",
+        "timing.mode",
+    ),
+    "a list for scenario_runner": (
+        "scenario: {kind: openscenario, file: a.xosc, scenario_runner: r, params: {a: '1,b:2'}}",
+        "scenario.params.a: this cannot be given.",
+        "commas",
+    ),
     "spread upside down": (
         "traffic: {speed_difference_percent: [20, -10]}",
         "traffic.speed_difference_percent: ",

@@ -99,7 +99,12 @@ def test_strata_and_grids_decide_how_many_episodes_there_are() -> None:
             "rig.sensors[0].kind: it is the same in all episodes",
         ),
         ("seed: {range: [1, 2]}", "seed: it is the same in all episodes"),
-        ("scenario: {choice: [{kind: replay, episode: x}]}", "scenario.choice[0]: a replay is"),
+        (
+            "scenario: {choice: [{kind: replay, episode: x}]}",
+            "scenario.choice[0]: what a file tells",
+        ),
+        ("scenario: {choice: [{kind: log, file: x}]}", "scenario.choice[0]: what a file tells"),
+        ("scenario: {choice: [{kind: scenic, file: x}]}", "scenario.choice[0]: what a file tells"),
         ("campaign: {sample: {'..': {range: [1, 2]}}}", "campaign.sample...: this is no path"),
         ("campaign: {method: gird}", "campaign.method: unknown value 'gird'."),
         ("campaign: {method: stratified}", "campaign.strata: no strata are named."),

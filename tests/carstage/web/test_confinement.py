@@ -67,11 +67,19 @@ def test_runs_and_exports_write_to_plain_names_alone(
 
 
 def test_recordings_outside_the_roots_are_not_replayed(site: Site, demo: dict[str, Any]) -> None:
-    for episode in ("/etc", "../other/episodes/x/a1"):
+    for episode in ("/etc", "../other/episodes/x/a1", "~/other/episodes/x/a1"):
         config = {**demo, "scenario": {"kind": "replay", "episode": episode}}
         check = site.client.post("/api/config/check", json={"config": config}).json()
         assert [error["path"] for error in check["errors"]] == [["scenario", "episode"]]
         assert "outside" in check["errors"][0]["message"]
+
+
+@pytest.mark.parametrize("file", ["/etc/hostname", "../drive.log", "~/drive.log"])
+def test_logs_outside_the_roots_are_not_read(site: Site, demo: dict[str, Any], file: str) -> None:
+    config = {**demo, "scenario": {"kind": "log", "file": file}}
+    check = site.client.post("/api/config/check", json={"config": config}).json()
+    assert [error["path"] for error in check["errors"]] == [["scenario", "file"]]
+    assert "outside" in check["errors"][0]["message"]
 
 
 @pytest.mark.parametrize(
@@ -104,6 +112,23 @@ def test_classes_that_a_request_names_do_not_drive(site: Site, demo: dict[str, A
     config = {**demo, "ego": {"driver": "os:_exit"}}
     check = site.client.post("/api/config/check", json={"config": config}).json()
     assert [error["path"] for error in check["errors"]] == [["ego", "driver", "name"]]
+    answer = site.client.post("/api/runs", json={"config": config, "dataset": "new"})
+    assert answer.status_code == 422
+
+
+@pytest.mark.parametrize(
+    "scenario",
+    [
+        {"kind": "scenic", "file": "a.scenic", "python": "/bin/sh"},
+        {"kind": "openscenario", "file": "a.xosc", "scenario_runner": "runner"},
+    ],
+)
+def test_programs_of_scenarios_are_not_started(
+    site: Site, demo: dict[str, Any], scenario: dict[str, str]
+) -> None:
+    config = {**demo, "scenario": scenario}
+    check = site.client.post("/api/config/check", json={"config": config}).json()
+    assert [error["path"] for error in check["errors"]] == [["scenario", "file"]]
     answer = site.client.post("/api/runs", json={"config": config, "dataset": "new"})
     assert answer.status_code == 422
 

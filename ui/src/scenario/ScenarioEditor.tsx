@@ -24,7 +24,7 @@ export function ScenarioEditor({ document, defaults, maps, presets }: Props) {
   const names = useMemo(() => mapsOf(document, maps), [document, maps]);
   const shown = wanted !== null && names.includes(wanted) ? wanted : (names[0] ?? null);
   const { town, note } = useTownMap(document.server, shown);
-  const replay = kindOfScenario(document) === "replay";
+  const replay = ["replay", "log", "scenic", "openscenario"].includes(kindOfScenario(document));
   const valueOf = (...path: string[]) => getAt(document, path) ?? getAt(defaults, path);
   const duration = Number(valueOf("duration_s")) || 1;
   const start = startOf(document);

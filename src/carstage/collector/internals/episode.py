@@ -105,6 +105,7 @@ class EpisodeRecorder:
                 server=server,
                 check=self._stop.check,
                 driver=driver,
+                program=self._plan.program,
             )
             self._events.emit(
                 "actors_spawned",

@@ -41,6 +41,23 @@ class ServerPlan:
 
 
 @dataclass(frozen=True)
+class ProgramPlan:
+    """Where the program of a scenario is.
+
+    Attributes:
+        file: the Scenic program, or the OpenSCENARIO file.
+        python: an interpreter that has what plays it, and the client wheel.
+        maps: folder for OpenDRIVE files and for what Scenic keeps of them.
+        scenario_runner: its folder; only for OpenSCENARIO.
+    """
+
+    file: str
+    python: str
+    maps: str
+    scenario_runner: Optional[str] = None
+
+
+@dataclass(frozen=True)
 class EpisodePlan:
     """One episode to record: where it goes and what it is."""
 
@@ -72,6 +89,7 @@ class Plan:
     sensor_warmup_ticks: Optional[int]
     episodes: Tuple[EpisodePlan, ...]
     driver_folders: Tuple[str, ...] = ()
+    program: Optional[ProgramPlan] = None
 
 
 def read_plan(path: str) -> Plan:
@@ -98,6 +116,15 @@ def parse_plan(value: Any) -> Plan:
         return _plan(Fields(value, ""))
     except SpecError as error:
         raise PlanError(error.message, error.hint) from error
+
+
+def _program(fields: Fields) -> ProgramPlan:
+    return ProgramPlan(
+        file=fields.text("file"),
+        python=fields.text("python"),
+        maps=fields.text("maps"),
+        scenario_runner=fields.text("scenario_runner") if "scenario_runner" in fields else None,
+    )
 
 
 def _gnss(found: Fields) -> GnssConvention:
@@ -141,6 +168,7 @@ def _plan(plan: Fields) -> Plan:
         else None,
         episodes=tuple(_episode(episode) for episode in episodes),
         driver_folders=plan.words("driver_folders"),
+        program=_program(plan.object("program")) if "program" in plan else None,
     )
 
 

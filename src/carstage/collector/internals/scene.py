@@ -6,7 +6,7 @@ from typing import Any, Callable, Dict, List, Optional
 
 from carstage.collector.drivers.base import Driver
 from carstage.collector.drivers.driving import EgoDriving
-from carstage.collector.internals.plan import ServerPlan
+from carstage.collector.internals.plan import ProgramPlan, ServerPlan
 from carstage.collector.internals.traffic_manager_wakeup import TickWatch, started_threads
 from carstage.collector.scenario import Population, Scenario, make_scenario
 from carstage.collector.scenario.events import EventRunner, check_map
@@ -84,6 +84,7 @@ def build_scene(
     server: ServerPlan,
     check: Callable[[], None],
     driver: Optional[Driver] = None,
+    program: Optional[ProgramPlan] = None,
 ) -> Scene:
     """Spawn everybody and everything, in an order that depends on the plan alone.
 
@@ -94,13 +95,14 @@ def build_scene(
         server: for its timeout and the Traffic Manager's port.
         check: called between long stretches; raises when somebody asks to end.
         driver: of the ego; None: the Traffic Manager drives, or nobody.
+        program: of scenario ``scenic`` or ``openscenario``.
 
     Raises:
         SceneError: the server cannot make the planned scene.
     """
     check()
     check_map(spec, session.map)
-    scenario = make_scenario(client, session, spec, server.traffic_manager_port)
+    scenario = make_scenario(client, session, spec, server, program)
     population = scenario.populate(check)
     check()
     with started_threads() as manager:

@@ -7,6 +7,7 @@ from typing import Any, List, Optional, Union
 import carla
 
 from carstage.collector.internals.errors import SceneError
+from carstage.collector.internals.plan import ProgramPlan, ServerPlan
 from carstage.collector.maps import spawn_points
 from carstage.collector.scenario.base import Population, Scenario, scenario
 from carstage.collector.scenario.routing import RoadGraph
@@ -46,10 +47,15 @@ class Autopilot(Scenario):
     """Everybody, the ego too, drives by the client's Traffic Manager, wherever it likes."""
 
     def __init__(
-        self, client: Any, session: WorldSession, spec: EpisodeSpec, traffic_manager_port: int
+        self,
+        client: Any,
+        session: WorldSession,
+        spec: EpisodeSpec,
+        server: ServerPlan,
+        program: Optional[ProgramPlan] = None,
     ) -> None:
-        super().__init__(client, session, spec, traffic_manager_port)
-        self._driver = TrafficDriver(client, session, spec, traffic_manager_port)
+        super().__init__(client, session, spec, server, program)
+        self._driver = TrafficDriver(client, session, spec, server.traffic_manager_port)
 
     def prepare(self) -> None:
         """Start the Traffic Manager."""

@@ -8,6 +8,7 @@ from carstage.collector.actors import Walker, spawn_vehicles, spawn_walkers, sta
 from carstage.collector.ego import ego_start, spawn_ego
 from carstage.collector.internals.errors import SceneError
 from carstage.collector.internals.lamps import Lamps
+from carstage.collector.internals.plan import ProgramPlan, ServerPlan
 from carstage.collector.world import WorldSession
 from carstage.spec import EpisodeSpec
 
@@ -32,16 +33,23 @@ class Scenario:
         client: ``carla.Client``.
         session: the episode's world.
         spec: the episode.
-        traffic_manager_port: where the client's Traffic Manager listens.
+        server: where it is, and where the client's Traffic Manager listens.
+        program: of scenario ``scenic`` or ``openscenario``.
     """
 
     def __init__(
-        self, client: Any, session: WorldSession, spec: EpisodeSpec, traffic_manager_port: int
+        self,
+        client: Any,
+        session: WorldSession,
+        spec: EpisodeSpec,
+        server: ServerPlan,
+        program: Optional[ProgramPlan] = None,
     ) -> None:
+        del program
         self._client = client
         self._session = session
         self._spec = spec
-        self._traffic_manager_port = traffic_manager_port
+        self._server = server
         self._lamps = Lamps(session, spec.weather.lights)
 
     def populate(self, check: Callable[[], None]) -> Population:
@@ -96,7 +104,11 @@ def scenario(kind: str) -> Callable[[ScenarioClass], ScenarioClass]:
 
 
 def make_scenario(
-    client: Any, session: WorldSession, spec: EpisodeSpec, traffic_manager_port: int
+    client: Any,
+    session: WorldSession,
+    spec: EpisodeSpec,
+    server: ServerPlan,
+    program: Optional[ProgramPlan] = None,
 ) -> Scenario:
     """The planned scenario.
 
@@ -108,4 +120,4 @@ def make_scenario(
         raise SceneError(
             "scenario.kind: %r is not known." % kind, "Known are: %s." % ", ".join(SCENARIOS)
         )
-    return SCENARIOS[kind](client, session, spec, traffic_manager_port)
+    return SCENARIOS[kind](client, session, spec, server, program)

@@ -10,6 +10,7 @@ import carla
 
 from carstage.collector.actors import find_blueprint
 from carstage.collector.internals.errors import SceneError
+from carstage.collector.internals.plan import ProgramPlan, ServerPlan
 from carstage.collector.scenario.base import Population, Scenario, scenario
 from carstage.collector.world import WorldSession
 from carstage.spec import EpisodeSpec, ReplayedActor, ReplaySpec
@@ -31,9 +32,14 @@ class Replay(Scenario):
     """
 
     def __init__(
-        self, client: Any, session: WorldSession, spec: EpisodeSpec, traffic_manager_port: int
+        self,
+        client: Any,
+        session: WorldSession,
+        spec: EpisodeSpec,
+        server: ServerPlan,
+        program: Optional[ProgramPlan] = None,
     ) -> None:
-        super().__init__(client, session, spec, traffic_manager_port)
+        super().__init__(client, session, spec, server, program)
         assert isinstance(spec.scenario, ReplaySpec)
         self._roles = spec.scenario.actors
         self._alive: Dict[int, Any] = {}
@@ -51,7 +57,7 @@ class Replay(Scenario):
             self._appear(index, 0)
         if 0 not in self._alive:
             raise SceneError(
-                "scenario.episode: there is no room for the recorded ego at its first place.",
+                "scenario: there is no room for the recorded ego at its first place.",
                 "Use the map and the server version that it was recorded with.",
             )
         self._ego = self._alive[0]

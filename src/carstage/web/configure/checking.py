@@ -72,7 +72,7 @@ class ConfigChecker:
         check_codecs(config)
         planned = min(config.episodes, _MOST_PLANNED)
         few = config.model_copy(update={"episodes": planned})
-        recording = recording_of(config)
+        recording = recording_of(config, self._roots.home)
         names = [*maps_of(config), *([] if recording is None else [recording.map])]
         episodes = plan_episodes(few, self._facts(config, names), recording)
         estimate = estimate_run(few, episodes)
@@ -125,7 +125,13 @@ class ConfigChecker:
         from carstage.config.drivers import ClassDriver, ReplayDriver
         from carstage.config.explain import error_of
         from carstage.config.own_maps import map_sources
-        from carstage.config.scene import ReplayScenario
+        from carstage.config.scene import (
+            LogScenario,
+            OpenScenarioScenario,
+            ReplayScenario,
+            ScenicScenario,
+        )
+        from carstage.files.home import without_tilde
 
         _check_interpreter(config.server.client_python)
         for field, source in map_sources(config, self._roots.home):
@@ -139,13 +145,19 @@ class ConfigChecker:
             message = "a class of yours runs its code, which the page does not."
             hint = "Start this run with `carstage run`."
             raise error_of([(("ego", "driver", "name"), message, hint)])
+        if isinstance(config.scenario, ScenicScenario | OpenScenarioScenario):
+            message = "a program of yours would play it, which the page does not start."
+            hint = "Start this run with `carstage run`."
+            raise error_of([(("scenario", "file"), message, hint)])
         if isinstance(config.scenario, ReplayScenario):
             places.append((("scenario", "episode"), config.scenario.episode))
+        if isinstance(config.scenario, LogScenario):
+            places.append((("scenario", "file"), config.scenario.file))
         if isinstance(driver, ReplayDriver):
             places.append((("ego", "driver", "episode"), driver.episode))
-        for place, episode in places:
+        for place, path in places:
             try:
-                self._roots.confine(episode)
+                self._roots.confine(str(without_tilde(path)))
             except BadInputError as error:
                 raise error_of([(place, error.message, error.hint)]) from error
 

@@ -1,0 +1,157 @@
+"""Do Scenic's own examples for CARLA run as scenarios? The user gives Scenic's folder.
+
+Each program is recorded for some seconds on the embedded simulator, in the town that it names. The
+towns' OpenDRIVE files lie in Scenic's folder. Nothing is fetched.
+"""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+import carstage
+from benchmarks.framework.recorded import run_carstage
+from carstage.bench.verdict import Figure, Verdict
+
+LEAST_RECORDED = 10
+PROGRAMS = Path("examples") / "carla"
+TOWNS = Path("assets") / "maps" / "CARLA"
+TRIES = 3
+"""Seeds: a program may refuse a scene of its own, as ``require always`` does."""
+FPS = 10
+_MODEL = re.compile(r"^model\s+scenic\.simulators\.carla\.model", re.MULTILINE)
+_REPORTED = re.compile(r"the Scenic program failed: (.*)")
+_CONFIG: dict[str, Any] = {
+    "fps": FPS,
+    "image_size": [64, 36],
+    "timing": {"warmup_ticks": 2},
+    "conversion": {"workers": 1},
+    "rig": {"sensors": [{"id": "INSTANCE", "kind": "instance", "pose": {"x": 1.5, "z": 1.6}}]},
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Tried:
+    """One program.
+
+    Attributes:
+        program: its path below the examples.
+        town: where it was recorded.
+        result: ``recorded``, or why not.
+        seed: of the last try.
+        road_users: vehicles and pedestrians in the labels, the ego among them.
+        moved_m: how far the ego came.
+    """
+
+    program: str
+    town: str
+    result: str
+    seed: int
+    road_users: int = 0
+    moved_m: float = 0.0
+
+    @property
+    def recorded(self) -> bool:
+        """Whether its episode is whole."""
+        return self.result == "recorded"
+
+
+def programs(folder: Path) -> list[Path]:
+    """The programs below Scenic's examples that name CARLA's model, in order."""
+    found = sorted((folder / PROGRAMS).rglob("*.scenic"))
+    return [path for path in found if _MODEL.search(path.read_text("utf-8"))]
+
+
+def measure_scenic_examples(
+    folder: Path,
+    python: Path,
+    *,
+    chosen: Sequence[Path],
+    seconds: float = 3.0,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> tuple[Verdict, list[Tried]]:
+    """Record each program.
+
+    Args:
+        folder: Scenic's.
+        python: the interpreter that has Scenic.
+        chosen: programs.
+        seconds: simulated ones of each.
+        progress: called with how many are done, of how many.
+    """
+    tried: list[Tried] = []
+    with tempfile.TemporaryDirectory(prefix="carstage-scenic-") as scratch:
+        for number, path in enumerate(chosen):
+            for seed in range(TRIES):
+                work = Path(scratch) / f"{number}-{seed}"
+                work.mkdir()
+                one = _record(folder, path, python, seconds, seed, work)
+                if one.recorded:
+                    break
+            tried.append(one)
+            progress(number + 1, len(chosen))
+    recorded = sum(one.recorded for one in tried)
+    return (
+        Verdict(
+            "scenic-examples",
+            (
+                Figure("programs", len(tried)),
+                Figure("recorded", recorded, ">=", min(LEAST_RECORDED, len(tried))),
+            ),
+            [f"{seconds:g} s at {FPS} Hz on the embedded simulator; up to {TRIES} seeds each."],
+        ),
+        tried,
+    )
+
+
+def text(tried: Sequence[Tried]) -> str:
+    """A table of all programs."""
+    lines = ["| program | town | result | road users | ego moved (m) |", "|---|---|---|---|---|"]
+    lines += [
+        f"| `{one.program}` | {one.town} | {one.result} | {one.road_users or ''} | "
+        f"{one.moved_m if one.recorded else ''} |"
+        for one in tried
+    ]
+    return "\n".join(lines)
+
+
+def rows(tried: Sequence[Tried]) -> list[dict[str, Any]]:
+    """For the JSON object."""
+    return [asdict(one) for one in tried]
+
+
+def _record(folder: Path, path: Path, python: Path, seconds: float, seed: int, work: Path) -> Tried:
+    name = path.relative_to(folder / PROGRAMS).as_posix()
+    config = {
+        **_CONFIG,
+        "seed": seed,
+        "duration_s": seconds,
+        "server": {"kind": "embedded", "self_test": "off", "maps": [str(folder / TOWNS)]},
+        "scenario": {"kind": "scenic", "file": str(path), "python": str(python)},
+    }
+    (work / "config.yaml").write_text(yaml.safe_dump(config))
+    out = work / "dataset"
+    try:
+        run_carstage("run", str(work / "config.yaml"), "--out", str(out), "--retries", "0")
+        run_carstage("validate", str(out))
+    except RuntimeError as error:
+        reported = _REPORTED.search(str(error))
+        last = (str(error).strip().splitlines() or [""])[-1]
+        return Tried(name, "", (reported[1] if reported else last).replace("|", "/")[:200], seed)
+    (episode,) = carstage.Dataset(out).episodes
+    places = [row["location"] for row in episode.ego().to_pylist()]
+    moved_m = sum((a - b) ** 2 for a, b in zip(places[0], places[-1], strict=True)) ** 0.5
+    return Tried(
+        name,
+        episode.spec.map,
+        "recorded",
+        seed,
+        road_users=len(episode.document["actors"]),
+        moved_m=round(moved_m, 1),
+    )

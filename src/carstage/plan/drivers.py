@@ -7,7 +7,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from carstage.config import Config
-from carstage.config.drivers import AutopilotDriver, ClassDriver, DeviceDriver, RouteDriver
+from carstage.config.drivers import (
+    AutopilotDriver,
+    ClassDriver,
+    DeviceDriver,
+    Driver,
+    RouteDriver,
+)
 from carstage.errors import ConfigError
 from carstage.spec import (
     ClassDriverSpec,
@@ -45,12 +51,11 @@ class Drive:
         return self.spec.map
 
 
-def plan_driver(config: Config) -> DriverSpec | None:
-    """The ego's driver in the specification; None: the Traffic Manager.
+def plan_driver(config: Config, driver: Driver) -> DriverSpec | None:
+    """A driver in the specification, the ego's or an agent's; None: the Traffic Manager.
 
     A replay's comes with the rest of the drive, see :func:`driven_again`.
     """
-    driver = config.ego.driver
     if isinstance(driver, AutopilotDriver):
         return None
     if isinstance(driver, RouteDriver):

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from fnmatch import fnmatchcase
 
 from carstage.config import Config, Sensor
+from carstage.config.agents import VehicleAgent
 from carstage.config.attributes import CameraAttributes
 from carstage.config.fields import path_text, unknown
 from carstage.config.traffic import Pedestrians, VehicleGroup, Vehicles
@@ -45,6 +46,10 @@ def _check_blueprints(
     if config.ego.blueprint not in vehicles:
         message, hint = unknown("blueprint", config.ego.blueprint, vehicles)
         raise ConfigError(f"ego.blueprint: {message}", hint)
+    for position, agent in enumerate(config.agents):
+        if isinstance(agent, VehicleAgent) and agent.blueprint not in vehicles:
+            message, hint = unknown("blueprint", agent.blueprint, vehicles)
+            raise ConfigError(f"agents[{position}].blueprint: {message}", hint)
     for track in recording.tracks if isinstance(recording, Recording) else ():
         if track.blueprint not in known:
             raise ConfigError(

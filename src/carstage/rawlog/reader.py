@@ -189,15 +189,16 @@ class EpisodeLog:
         Raises:
             RawLogError: the log has none of that name.
         """
+        whole = self.spec
         try:
-            self._number = self.spec.agent_number(agent)
-            seen = self.spec.seen_by(agent)
+            self._number = whole.agent_number(agent)
             own = self.header["agents"][agent]
         except KeyError as error:
             raise RawLogError(f"{self._path} names no agent {agent}.") from error
         common = {key: value for key, value in self.header.items() if key != "agents"}
-        self.header = {**common, **own, "agent": agent, "spec": seen.to_json()}
-        self.__dict__["spec"] = seen
+        seen = whole.seen_by(agent).to_json()
+        self.header = {**common, **own, "agent": agent, "spec": seen}
+        del self.spec  # read anew from what the header says now
 
     def stream(self, name: str) -> str:
         """The stream that a sensor's data is in, by its id; ``world`` and ``ledger`` as they are.

@@ -59,6 +59,14 @@ class Frame:
         """The sensor's data, see ``Sensor.read``."""
         return self.episode.sensor(sensor_id).read(self.k)
 
+    def as_agent(self, name: str) -> Frame:
+        """The same moment as an agent's beside the ego: its sensors, its labels, its motion.
+
+        Raises:
+            BadInputError: the episode has no agent of that name.
+        """
+        return self.episode.agent_frame(name, self.k)
+
     def image_file(self, camera_id: str) -> DatasetPath:
         """The file of a camera's picture."""
         return self.episode.sensor(camera_id).paths(self.k)[0]

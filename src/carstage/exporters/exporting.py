@@ -117,7 +117,10 @@ def export_dataset(
     exporter = exporter_for(format_name, options or ExportOptions())
     _check_target(target, source.path, overwrite=overwrite)
     chosen = source.only(exporter.options.episodes)
-    found = examine(chosen, _of_phase("Checking", progress))
+    if exporter.options.agent is not None:
+        chosen = chosen.as_agent(exporter.options.agent)
+    checking = _of_phase("Checking", progress)
+    found = examine(chosen, checking, with_agents=exporter.with_agents)
     if not found.complete and not allow_incomplete:
         raise BadInputError(_refusal(found), "Repair it, or add --allow-incomplete.")
     episodes = tuple(episode for episode in chosen.episodes if episode.id in found.whole)
@@ -223,6 +226,8 @@ def _write(
                 episode.marker.attempt,
                 episode.frames,
                 found.damage.get(episode.id, frozenset()),
+                episode.agent_name,
+                tuple(found.agent_damage.get(episode.id, {}).items()),
             )
             for part in _parts(pool, workers, task, writer, folder):
                 if part is not None:
@@ -258,6 +263,8 @@ class _EpisodeTask:
     attempt: str
     frames: int
     damage: Damage
+    agent: str | None
+    agent_damage: tuple[tuple[str, Damage], ...]
 
 
 def _parts(
@@ -290,4 +297,6 @@ def _write_frame(task: _EpisodeTask, k: int, writer: FrameWriter, folder: Path) 
 def _frames_of(task: _EpisodeTask) -> EpisodeFrames:
     """An episode's tables, read once by each process."""
     marker = CommitMarker(task.episode_id, task.attempt, task.frames, (), {})
-    return EpisodeFrames(Episode(task.folder, marker), task.damage)
+    episode = Episode(task.folder, marker, task.agent)
+    episode.agent_damage = dict(task.agent_damage)
+    return EpisodeFrames(episode, task.damage)

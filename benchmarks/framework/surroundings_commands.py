@@ -48,3 +48,19 @@ def occupancy(
     with watch_steps("Occupancy", "frames") as progress:
         verdict = measure_occupancy(dataset, near_m, progress)
     return report(verdict, json)
+
+
+@benchmark("fleet-fusion", takes="1 minute")
+def fleet_fusion(
+    dataset: Annotated[
+        Path, typer.Option("--dataset", help="With agents that have LiDARs.", exists=True)
+    ],
+    json: Json = False,
+) -> int:
+    """Whether the point clouds of a fleet agree on what stands still, within their noise."""
+    from benchmarks.framework.fleet_fusion import measure_fusion
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Frames", "frames") as progress:
+        verdict = measure_fusion(dataset, progress=progress)
+    return report(verdict, json)

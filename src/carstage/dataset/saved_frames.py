@@ -67,6 +67,15 @@ class Frame:
         """
         return self.episode.agent_frame(name, self.k)
 
+    def ego_from_agent(self, name: str) -> FloatArray:
+        """``(4, 4)`` pose of an agent beside the ego, on the ego, CARLA's axes.
+
+        Raises:
+            BadInputError: the episode has no agent of that name.
+            DatasetError: no table holds one of the poses.
+        """
+        return invert_pose(self.world_from_ego) @ self.as_agent(name).world_from_ego
+
     def image_file(self, camera_id: str) -> DatasetPath:
         """The file of a camera's picture."""
         return self.episode.sensor(camera_id).paths(self.k)[0]

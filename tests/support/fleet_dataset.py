@@ -40,7 +40,7 @@ agents:
         - {{id: IMU, kind: imu}}
   - name: mast
     kind: roadside
-    pose: {{x: -118, y: -104, z: 6, yaw_deg: -120, pitch_deg: -20}}
+    pose: {{x: -112, y: -111, z: 6, yaw_deg: -150, pitch_deg: -15}}
     rig:
       sensors:
         - {{id: CAM, kind: rgb}}

@@ -84,7 +84,8 @@ def test_one_agent_more_changes_no_other() -> None:
 
 
 def test_the_specification_survives_json() -> None:
-    planned = spec({**CAR, "driver": "route", "spawn": {"x": 1, "y": 2}}, MAST, {**CAR, "name": "c"})
+    driven = {**CAR, "driver": "route", "spawn": {"x": 1, "y": 2}}
+    planned = spec(driven, MAST, {**CAR, "name": "c"})
     again = EpisodeSpec.from_json(json.loads(planned.canonical_json()))
     assert again == planned
     for agent in planned.agents:

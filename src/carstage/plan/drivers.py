@@ -73,11 +73,16 @@ def plan_driver(config: Config, driver: Driver) -> DriverSpec | None:
 
 
 def check_drive(config: Config, drive: Drive) -> None:
-    """Refuse a drive that does not fit the configuration's time.
+    """Refuse a drive that does not fit the configuration's time, or was a fleet's.
 
     Raises:
-        ConfigError: it has another frame rate, or ends before the episode does.
+        ConfigError: it has another frame rate, ends before the episode does, or had agents.
     """
+    if drive.spec.agents:
+        raise ConfigError(
+            "ego.driver.episode: agents drove beside the ego, whose commands are not replayed.",
+            "Give an episode without agents.",
+        )
     if config.fps != drive.spec.fps:
         raise ConfigError(
             f"fps: the episode in ego.driver was driven at {drive.spec.fps:g} Hz, one command for "

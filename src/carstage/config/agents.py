@@ -72,8 +72,8 @@ class VehicleAgent(_Agent):
     spawn: Literal["near_ego", "random"] | Annotated[int, Field(ge=0)] | Stand = setting(
         "near_ego",
         title="Start",
-        description="`near_ego`: the free spawn point that is nearest to the ego's; index of a "
-        "spawn point; `random`: drawn for each episode; or a place `{x, y, z, yaw_deg}`.",
+        description="Index of a spawn point, a place `{x, y, z, yaw_deg}`, or `random`. "
+        "`near_ego`: the free spawn point nearest to the ego's.",
         group="agents",
     )
     color: Literal["random"] | Annotated[tuple[Channel, Channel, Channel], Strict(strict=False)] = (

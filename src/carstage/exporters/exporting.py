@@ -116,9 +116,7 @@ def export_dataset(
     source, target = Dataset(dataset), dataset_root(out)
     exporter = exporter_for(format_name, options or ExportOptions())
     _check_target(target, source.path, overwrite=overwrite)
-    chosen = source.only(exporter.options.episodes)
-    if exporter.options.agent is not None:
-        chosen = chosen.as_agent(exporter.options.agent)
+    chosen = _chosen(source, exporter.options)
     checking = _of_phase("Checking", progress)
     found = examine(chosen, checking, with_agents=exporter.with_agents)
     if not found.complete and not allow_incomplete:
@@ -159,6 +157,16 @@ def export_dataset(
             },
         )
     return summary
+
+
+def _chosen(source: Dataset, options: ExportOptions) -> Dataset:
+    """The episodes that the options name, as those of the agent that they name.
+
+    Raises:
+        BadInputError: there is no such episode or agent.
+    """
+    chosen = source.only(options.episodes)
+    return chosen if options.agent is None else chosen.as_agent(options.agent)
 
 
 def _check_target(out: DatasetPath, dataset: DatasetPath, *, overwrite: bool) -> None:

@@ -174,12 +174,7 @@ class EpisodeRecorder:
         map_crc32 = write_map_file(folder, session.map.to_opendrive())
         listening_ticks = self._plan.sensor_warmup_ticks
         warm_up(scene, pipeline, episode, listening_ticks, self._events, self._stop)
-        observer = WorldObserver(
-            session.world,
-            scene.ego,
-            level_objects(session.world, spec.labels.level_objects),
-            {agent.name: agent.actor for agent in scene.agents if agent.is_vehicle},
-        )
+        observer = _observer(session, scene, spec)
         saved = SavedFrames(spec.saved)
         for tick, step in self._ticks(scene, pipeline, spec.steps):
             if tick == 0:
@@ -189,13 +184,7 @@ class EpisodeRecorder:
             k = saved.index(tick) if seen else None
             moment: Optional[WorldMoment] = None
             if seen:
-                moment = observer.observe(
-                    step.snapshot,
-                    session.weather.values,
-                    scene.event_states(),
-                    scene.command(),
-                    {agent.name: agent.command for agent in scene.agents},
-                )
+                moment = _moment(observer, step, session, scene)
             pipeline.expect(
                 ExpectedFrame(tick, step.frame, step.timestamp_s, k, step.tick_s, moment, seen)
             )
@@ -291,6 +280,29 @@ class EpisodeRecorder:
             "requested": scene.requested,
             "spawned": scene.spawned,
         }
+
+
+def _observer(session: WorldSession, scene: Scene, spec: EpisodeSpec) -> WorldObserver:
+    """What reads the world after each tick."""
+    return WorldObserver(
+        session.world,
+        scene.ego,
+        level_objects(session.world, spec.labels.level_objects),
+        {agent.name: agent.actor for agent in scene.agents if agent.is_vehicle},
+    )
+
+
+def _moment(
+    observer: WorldObserver, step: Tick, session: WorldSession, scene: Scene
+) -> WorldMoment:
+    """The truth of a tick."""
+    return observer.observe(
+        step.snapshot,
+        session.weather.values,
+        scene.event_states(),
+        scene.command(),
+        {agent.name: agent.command for agent in scene.agents},
+    )
 
 
 def _rig_entries(actor: Any, rig: Rig) -> Dict[str, Any]:

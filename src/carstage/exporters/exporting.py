@@ -117,8 +117,7 @@ def export_dataset(
     exporter = exporter_for(format_name, options or ExportOptions())
     _check_target(target, source.path, overwrite=overwrite)
     chosen = _chosen(source, exporter.options)
-    checking = _of_phase("Checking", progress)
-    found = examine(chosen, checking, with_agents=exporter.with_agents)
+    found = examine(chosen, _of_phase("Checking", progress), with_agents=exporter.with_agents)
     if not found.complete and not allow_incomplete:
         raise BadInputError(_refusal(found), "Repair it, or add --allow-incomplete.")
     episodes = tuple(episode for episode in chosen.episodes if episode.id in found.whole)

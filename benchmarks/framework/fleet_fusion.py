@@ -10,7 +10,7 @@ places that are no plane.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import permutations
 from pathlib import Path
@@ -57,18 +57,18 @@ class WorldCloud:
 
 
 def measure_fusion(
-    dataset: Path, progress: Callable[[int, int], None] = lambda done, total: None
+    datasets: Sequence[Path], progress: Callable[[int, int], None] = lambda done, total: None
 ) -> Verdict:
     """Compare the clouds of all pairs of agents in all frames.
 
     Args:
-        dataset: with agents that have LiDARs.
+        datasets: with agents that have LiDARs.
         progress: called with the frames done and their number.
 
     Raises:
         ValueError: no episode has two agents with LiDARs.
     """
-    episodes = Dataset(dataset).episodes
+    episodes = [episode for path in datasets for episode in Dataset(path).episodes]
     total, done = sum(episode.frames for episode in episodes), 0
     found: list[NDArray[np.float64]] = []
     for episode in episodes:

@@ -1,4 +1,4 @@
-"""The commands that measure labels of the surroundings: bird's-eye grids and voxels."""
+"""The commands that measure what is told of the surroundings: grids, voxels, fleets' clouds."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def occupancy(
 @benchmark("fleet-fusion", takes="1 minute")
 def fleet_fusion(
     dataset: Annotated[
-        Path, typer.Option("--dataset", help="With agents that have LiDARs.", exists=True)
+        list[Path], typer.Option("--dataset", help="One with agents that have LiDARs.")
     ],
     json: Json = False,
 ) -> int:
@@ -62,5 +62,5 @@ def fleet_fusion(
     from carstage.cli.progress import watch_steps
 
     with watch_steps("Frames", "frames") as progress:
-        verdict = measure_fusion(dataset, progress=progress)
+        verdict = measure_fusion(dataset, progress)
     return report(verdict, json)

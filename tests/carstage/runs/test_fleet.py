@@ -106,7 +106,7 @@ def test_an_export_of_an_unknown_agent_is_refused(fleet: Path, tmp_path: Path) -
 
 
 def test_the_clouds_of_a_fleet_agree_within_the_lidars_noise(fleet: Path) -> None:
-    verdict = measure_fusion(fleet)
+    verdict = measure_fusion([fleet])
     assert verdict.ok, verdict.figures
 
 

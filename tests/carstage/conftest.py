@@ -41,5 +41,4 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     Tests that use it belong to the xdist group ``fleet``, so that it is recorded once.
     """
-    text, patience_s = fleet_dataset.CONFIG, fleet_dataset.PATIENCE_S
-    return recorded_dataset.record(tmp_path_factory.mktemp("fleet"), text, patience_s)
+    return recorded_dataset.record(tmp_path_factory.mktemp("fleet"), fleet_dataset.CONFIG)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-PATIENCE_S = 580.0
-"""The first start on a machine compiles the simulator's kernels."""
-
 FRAMES = 5
 NOISE_M = 0.02
 _LIDAR = (

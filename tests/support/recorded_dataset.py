@@ -41,7 +41,7 @@ rig:
 """
 
 
-def record(folder: Path, text: str = CONFIG, patience_s: float = PATIENCE_S) -> Path:
+def record(folder: Path, text: str = CONFIG) -> Path:
     """Record a configuration below a folder; the dataset's folder."""
     config, out, home = folder / "drives.yaml", folder / "dataset", folder / "home"
     config.write_text(text)
@@ -55,7 +55,7 @@ def record(folder: Path, text: str = CONFIG, patience_s: float = PATIENCE_S) -> 
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
-        timeout=patience_s,
+        timeout=PATIENCE_S,
         check=False,
     )
     assert ended.returncode == 0, ended.stderr

@@ -1,4 +1,4 @@
-"""The commands that measure labels of the surroundings: bird's-eye grids and voxels."""
+"""The commands that measure what is told of the surroundings: grids, voxels, fleets' clouds."""
 
 from __future__ import annotations
 
@@ -65,4 +65,20 @@ def exact_occupancy(
 
     with watch_steps("Exact occupancy", "frames") as progress:
         verdict = measure_exact_occupancy(dataset, near_m, progress)
+    return report(verdict, json)
+
+
+@benchmark("fleet-fusion", takes="1 minute")
+def fleet_fusion(
+    dataset: Annotated[
+        list[Path], typer.Option("--dataset", help="One with agents that have LiDARs.")
+    ],
+    json: Json = False,
+) -> int:
+    """Whether the point clouds of a fleet agree on what stands still, within their noise."""
+    from benchmarks.framework.fleet_fusion import measure_fusion
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Frames", "frames") as progress:
+        verdict = measure_fusion(dataset, progress)
     return report(verdict, json)

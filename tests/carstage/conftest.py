@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+import fleet_dataset
 import recorded_dataset
 
 
@@ -32,3 +33,12 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     Tests that use it belong to the xdist group ``recorded``, so that it is recorded once.
     """
     return recorded_dataset.record(tmp_path_factory.mktemp("recorded"))
+
+
+@pytest.fixture(scope="session")
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A drive of two cars past a roadside unit, from the embedded simulator. Do not change it.
+
+    Tests that use it belong to the xdist group ``fleet``, so that it is recorded once.
+    """
+    return recorded_dataset.record(tmp_path_factory.mktemp("fleet"), fleet_dataset.CONFIG)

@@ -41,10 +41,10 @@ rig:
 """
 
 
-def record(folder: Path) -> Path:
-    """Record it below a folder; the dataset's folder."""
+def record(folder: Path, text: str = CONFIG) -> Path:
+    """Record a configuration below a folder; the dataset's folder."""
     config, out, home = folder / "drives.yaml", folder / "dataset", folder / "home"
-    config.write_text(CONFIG)
+    config.write_text(text)
     home.mkdir()
     cache = os.environ.get("XDG_CACHE_HOME", str(Path.home() / ".cache"))
     # The client writes ~/carlaCache; the compiled kernels stay in the cache of this machine.

@@ -17,12 +17,12 @@ def describe_config(config: Config, *, offline: bool = False) -> tuple[dict[str,
 
     episodes = judge(config, offline=offline)
     estimate = estimate_run(config, episodes)
-    hidden = sum(sensor.hidden for sensor in episodes[0].sensors)
+    hidden = sum(sensor.hidden for sensor in episodes[0].streams.values())
     summary = {
         "ok": True,
         "episodes": len(episodes),
         "frames": episodes.frames,
-        "sensors": len(config.sensors),
+        "sensors": len(config.located_sensors()),
         "hidden_sensors": hidden,
         "dataset_bytes": estimate.dataset_bytes,
         "peak_bytes": estimate.peak_bytes,
@@ -34,7 +34,7 @@ def describe_config(config: Config, *, offline: bool = False) -> tuple[dict[str,
     frames = f"{each[0]}" if len(each) == 1 else f"{each[0]} to {each[-1]}"
     text = (
         f"{config.name}: {len(episodes)} x {frames} frames, "
-        f"{len(config.sensors)} sensors (and {hidden} hidden ones for labels), about "
+        f"{len(config.located_sensors())} sensors (and {hidden} hidden ones for labels), about "
         f"{size_text(estimate.dataset_bytes)}, {size_text(estimate.peak_bytes)} at most on the way."
     )
     if config.campaign is not None and config.campaign.sample:

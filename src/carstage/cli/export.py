@@ -34,6 +34,7 @@ FORMATS = (
     "kitti-tracking",
     "mcap",
     "nuscenes",
+    "opv2v",
     "semantickitti",
     "video",
     "webdataset",

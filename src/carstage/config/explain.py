@@ -13,7 +13,7 @@ from carstage.config.fields import path_text, shortened, unknown
 from carstage.config.scene import SCENARIO_KINDS
 from carstage.config.sensors import SENSOR_KINDS
 from carstage.errors import ConfigError
-from carstage.spec import known_events
+from carstage.spec import AGENT_KINDS, known_events
 
 _MOST_SHOWN = 8
 #: Errors that say that a value has another shape than one alternative of several.
@@ -25,6 +25,7 @@ _TAGS = {
     "driver": DRIVER_KINDS,
     "events": tuple(known_events()),
     "sensors": tuple(SENSOR_KINDS),
+    "agents": AGENT_KINDS,
 }
 #: Names that pydantic gives to the alternatives of a union such as `auto` or a number.
 _ALTERNATIVE = ("literal[", "constrained-", "int", "float", "tuple[", "function-", "str")

@@ -6,10 +6,11 @@ from typing import Any, Literal
 
 from pydantic import model_validator
 
+from carstage.config.agents import Agents, RoadsideAgent, VehicleAgent, check_agents
 from carstage.config.attributes import ImageSize, SweepAttributes
 from carstage.config.campaign import Campaign, Condition
 from carstage.config.conversion import Conversion
-from carstage.config.drivers import check_driver
+from carstage.config.drivers import Driver, check_driver
 from carstage.config.events import check_events
 from carstage.config.fields import Section, path_text, problem, setting, unknown
 from carstage.config.labels import GroundTruth, Labels
@@ -183,6 +184,13 @@ class Config(Section):
     rig: Rig = setting(
         default_rig, title="Rig", basic=True, description="The sensors.", group="rig"
     )
+    agents: Agents = setting(
+        (),
+        title="Agents",
+        description="Cars and roadside units beside the ego, each with sensors of its own; see "
+        "docs/how-to/record-a-fleet.md.",
+        group="agents",
+    )
     server: ServerConfig = setting(
         EmbeddedServerConfig,
         title="Server",
@@ -239,17 +247,20 @@ class Config(Section):
         check_events(self.scenario, self.timing)
         check_program(self.scenario, self.timing)
         check_driver(self.ego.driver, self.scenario, self.timing, self.colour_cameras)
+        check_agents(self)
         self._check_maps()
         self.check_steps()
         for path, sensor in self.located_sensors():
             self._check_sensor(path, sensor)
-        ids = {sensor.id for sensor in self.sensors}
-        cameras = {sensor.id for sensor in self.sensors if sensor.row.is_camera}
-        lidars = {sensor.id for sensor in self.sensors if sensor.row.content == POINTS}
+        everything = [sensor for _, sensor in self.located_sensors()]
+        ids = {sensor.id for sensor in everything}
+        cameras = {sensor.id for sensor in everything if sensor.row.is_camera}
+        lidars = {sensor.id for sensor in everything if sensor.row.content == POINTS}
         _check_names("cameras", self.labels.cameras, cameras)
         _check_names("lidars", self.labels.lidars, lidars)
         if self.labels.occupancy is not None:
-            self._check_occupancy(self.labels.occupancy)
+            for seen in (self, *map(self.seen_by, self.agents)):
+                seen._check_occupancy(self.labels.occupancy)
         for name in self.conversion.codecs:
             if name not in ids:
                 message, hint = unknown("sensor", name, ids)
@@ -398,17 +409,30 @@ class Config(Section):
 
     @property
     def sensors(self) -> tuple[Sensor, ...]:
-        """All requested sensors."""
+        """All requested sensors of the ego."""
         return self.rig.all_sensors
 
+    def seen_by(self, agent: VehicleAgent | RoadsideAgent) -> Config:
+        """This configuration with an agent's rig in place of the ego's, and no agents."""
+        return self.model_copy(update={"rig": agent.rig, "agents": ()})
+
     def located_sensors(self) -> list[tuple[tuple[str | int, ...], Sensor]]:
-        """All requested sensors, each with the path of its place in the configuration."""
-        listed: list[tuple[tuple[str | int, ...], Sensor]] = [
-            (("rig", "sensors", position), sensor)
-            for position, sensor in enumerate(self.rig.sensors)
-        ]
-        preset = self.sensors[: len(self.sensors) - len(listed)]
-        return [(("rig", "preset"), sensor) for sensor in preset] + listed
+        """The ego's sensors, then the agents', each with its place in the configuration."""
+        rigs: list[tuple[tuple[str | int, ...], Rig]] = [(("rig",), self.rig)]
+        rigs += [(("agents", i, "rig"), agent.rig) for i, agent in enumerate(self.agents)]
+        found: list[tuple[tuple[str | int, ...], Sensor]] = []
+        for path, rig in rigs:
+            found += [((*path, "preset"), sensor) for sensor in rig.preset_sensors]
+            found += [((*path, "sensors", i), sensor) for i, sensor in enumerate(rig.sensors)]
+        return found
+
+    def located_drivers(self) -> list[tuple[tuple[str | int, ...], Driver]]:
+        """Who drives the ego and the agents' cars, each with its place in the configuration."""
+        found: list[tuple[tuple[str | int, ...], Driver]] = [(("ego", "driver"), self.ego.driver)]
+        for position, agent in enumerate(self.agents):
+            if isinstance(agent, VehicleAgent):
+                found.append((("agents", position, "driver"), agent.driver))
+        return found
 
     @property
     def labelled_cameras(self) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ from carstage.lazy import lazy_names
 
 if TYPE_CHECKING:
     from carstage.conversion.episode import EpisodeConversion
+    from carstage.conversion.fleet import FleetConversion
     from carstage.conversion.pool import (
         BrokenPoolError,
         ConversionPool,
@@ -24,6 +25,7 @@ __all__ = [
     "BrokenPoolError",
     "ConversionPool",
     "EpisodeConversion",
+    "FleetConversion",
     "conversion_pool",
     "load_libraries",
 ]
@@ -32,6 +34,7 @@ __getattr__ = lazy_names(
     __name__,
     {
         "episode": "EpisodeConversion",
+        "fleet": "FleetConversion",
         "pool": "BrokenPoolError ConversionPool conversion_pool load_libraries",
     },
 )

@@ -47,7 +47,7 @@ def episode_document(
     """``episode.json`` of the dataset: the raw log's header without facts of a try or machine.
 
     Args:
-        header: the raw log's ``episode.json``.
+        header: the raw log's ``episode.json``, as ``EpisodeLog`` has it.
         plan: which sensors the dataset has.
         frames: number of saved frames.
         actors: everybody that the world log names.
@@ -55,6 +55,8 @@ def episode_document(
         vector_map: what it says of the town's vector map.
     """
     document = {key: header[key] for key in _EPISODE_KEYS}
+    if "agent" in header:
+        document["agent"] = header["agent"]
     ids = header["sensor_actor_ids"]
     return {
         "format_version": FORMAT_VERSION,

@@ -34,11 +34,11 @@ from carstage.conversion.documents import (
     to_json,
 )
 from carstage.conversion.segment import (
-    LABEL_PARTS,
     EncodedSegment,
     encode_segment,
     label_schema,
     label_segment,
+    parts_folder,
     place_voxels,
     read_label_part,
     rows_to_table,
@@ -99,6 +99,8 @@ class EpisodeConversion:
         codecs: name of the codec by sensor id, where it is not the default of the sensor's kind.
         progress: called whenever some work is done, well or not; from any thread.
         left_s: seconds for which work that is to be dropped may be waited for.
+        agent: name of an agent beside the ego, which is taken for the ego: of its sensors, and as
+            seen from it, are the files. ``carstage.conversion.fleet`` converts all of an attempt.
     """
 
     def __init__(
@@ -110,7 +112,9 @@ class EpisodeConversion:
         codecs: Mapping[str, str] = MappingProxyType({}),
         progress: Callable[[], None] = lambda: None,
         left_s: Callable[[], float] = lambda: math.inf,
+        agent: str | None = None,
     ) -> None:
+        self._agent = agent
         self.raw_folder = Path(raw_folder)
         self.attempt_files = attempt_files
         self._pool = pool
@@ -314,7 +318,7 @@ class EpisodeConversion:
     def remove_parts(self) -> None:
         """Remove what lies beside the raw log for the conversion alone, once nobody needs it."""
         with suppress(FileNotFoundError):
-            shutil.rmtree(self.raw_folder / LABEL_PARTS)
+            shutil.rmtree(parts_folder(self.raw_folder, self._agent))
 
     def stop(self) -> None:
         """Hand out no more work, and drop what is not begun."""
@@ -335,7 +339,7 @@ class EpisodeConversion:
 
     def _load(self) -> EpisodeLog:
         if self._log is None:
-            log = EpisodeLog(self.raw_folder)
+            log = EpisodeLog(self.raw_folder, self._agent)
             self._plan = plan_sensors(log.spec, self._codecs)
             self._log = log
         return self._log
@@ -350,11 +354,11 @@ class EpisodeConversion:
         for sensor in self._plan.written:
             if self._is_ready(segment, sensor.id, {*sensor.streams, LEDGER}):
                 self._tasks[segment, sensor.id] = self._submit(
-                    encode_segment, self.raw_folder, self.attempt_files, sensor, segment
+                    encode_segment, *self._arguments, sensor, segment, self._agent
                 )
         if self._is_ready(segment, _LABELS, self._plan.label_streams):
             self._tasks[segment, _LABELS] = self._submit(
-                label_segment, self.raw_folder, self.attempt_files, segment
+                label_segment, *self._arguments, segment, self._agent
             )
 
     def _submit(self, work: Callable[..., Any], *arguments: object) -> Future[Any]:
@@ -364,6 +368,10 @@ class EpisodeConversion:
             raise _worker_died() from error
         task.add_done_callback(lambda _: self._progress())
         return task
+
+    @property
+    def _arguments(self) -> tuple[Path, AttemptFiles]:
+        return self.raw_folder, self.attempt_files
 
     def _is_ready(self, segment: int, task: str, streams: frozenset[str] | set[str]) -> bool:
         if (segment, task) in self._tasks:
@@ -400,12 +408,11 @@ class EpisodeConversion:
         if asked is None or asked.exact:
             return
         segments = self._segments(log)
-        arguments = self.raw_folder, self.attempt_files
         for segment in segments:
             with self._lock:
                 if (segment, _VOXELS) not in self._tasks:
                     self._tasks[segment, _VOXELS] = self._submit(
-                        place_voxels, *arguments, segment, len(segments)
+                        place_voxels, *self._arguments, segment, len(segments), self._agent
                     )
         for segment in segments:
             yield self._tasks[segment, _VOXELS]
@@ -433,7 +440,8 @@ class EpisodeConversion:
         segments = self._segments(log)
         for name, columns in frame_tables(lane_lines=log.spec.labels.lane_lines).items():
             schema = label_schema(columns)
-            parts = [read_label_part(self.raw_folder, name, segment) for segment in segments]
+            folder = parts_folder(self.raw_folder, self._agent)
+            parts = [read_label_part(folder, name, segment) for segment in segments]
             if not all(part.schema.equals(schema) for part in parts):
                 raise ConversionError(
                     f"Label parts of {name} are of another version of Car-STAGE.", "Try again."

@@ -39,6 +39,11 @@ LABEL_PARTS = ".labels"
 """Folder of the label parts below the raw log; its name can be no stream's."""
 
 
+def parts_folder(raw_folder: Path, agent: str | None) -> Path:
+    """Where parts of label tables are kept for a while: the ego's, or those of an agent."""
+    return raw_folder / (LABEL_PARTS if agent is None else f"{LABEL_PARTS}.{agent}")
+
+
 def saved_ticks(log: EpisodeLog, segment: int) -> dict[int, int]:
     """Saved-frame index ``k`` by tick, for the ticks of a segment that are saved."""
     return {
@@ -63,15 +68,26 @@ class EncodedSegment:
 
 
 def encode_segment(
-    raw_folder: Path, attempt_files: AttemptFiles, sensor: RecordedSensor, segment: int
+    raw_folder: Path,
+    attempt_files: AttemptFiles,
+    sensor: RecordedSensor,
+    segment: int,
+    agent: str | None = None,
 ) -> EncodedSegment:
     """Write the files of one sensor for the saved ticks of one segment, or make its rows.
+
+    Args:
+        raw_folder: of the raw log.
+        attempt_files: receives the files.
+        sensor: whose.
+        segment: number of the segment.
+        agent: name of the agent beside the ego whose sensor it is; None: the ego's.
 
     Raises:
         ConversionError: a record is not what its meta says; names sensor and tick.
         RawLogError: the segment is damaged.
     """
-    log = EpisodeLog(raw_folder)
+    log = EpisodeLog(raw_folder, agent)
     ticks = saved_ticks(log, segment)
     records = [r for r in _data(log, sensor.id, segment) if r.tick in ticks]
     if row_kind := row_sensor(sensor.kind):
@@ -102,16 +118,18 @@ def encode_segment(
     return EncodedSegment(files=tuple(entries))
 
 
-def label_segment(raw_folder: Path, attempt_files: AttemptFiles, segment: int) -> EncodedSegment:
+def label_segment(
+    raw_folder: Path, attempt_files: AttemptFiles, segment: int, agent: str | None = None
+) -> EncodedSegment:
     """Label the saved ticks of one segment into part files below the raw log.
 
-    Bird's-eye grids are files of the attempt.
+    Bird's-eye grids are files of the attempt. For an agent beside the ego, it is taken for the ego.
 
     Raises:
         ConversionError: a label row does not fit the schema.
         AnnotationError, RawLogError: the recording cannot be labelled or read.
     """
-    log = EpisodeLog(raw_folder)
+    log = EpisodeLog(raw_folder, agent)
     ticks = saved_ticks(log, segment)
     labeller = EpisodeLabeller(
         log.header,
@@ -172,45 +190,50 @@ def label_segment(raw_folder: Path, attempt_files: AttemptFiles, segment: int) -
             rows[LANE_LINES] += lines.rows(ticks[world.tick], labels, images)
         sweeps = {name: by_tick[name].get(world.tick) for name in around.swept}
         files += around.files(world, ticks[world.tick], labels, images, sweeps)
-    folder = raw_folder / LABEL_PARTS
+    folder = parts_folder(raw_folder, agent)
     folder.mkdir(exist_ok=True)
     around.end(part_path(folder, segment))
     for name, columns in tables.items():
-        _write_part(rows_to_table(rows[name], columns, name), _part(raw_folder, name, segment))
+        _write_part(rows_to_table(rows[name], columns, name), _part(folder, name, segment))
     with attempt_files.stream() as written:
         entries = tuple(written.write(name, content) for name, content in files)
     return EncodedSegment(files=entries)
 
 
 def place_voxels(
-    raw_folder: Path, attempt_files: AttemptFiles, segment: int, segments: int
+    raw_folder: Path,
+    attempt_files: AttemptFiles,
+    segment: int,
+    segments: int,
+    agent: str | None = None,
 ) -> EncodedSegment:
     """Write the voxels of one segment's frames, once all segments are labelled.
 
     Raises:
         ConversionError: what a segment left is gone or damaged.
     """
-    asked = EpisodeLog(raw_folder).spec.labels.occupancy
+    asked = EpisodeLog(raw_folder, agent).spec.labels.occupancy
+    folder = parts_folder(raw_folder, agent)
     assert asked is not None
     objects: dict[int, list[dict[str, Any]]] = defaultdict(list)
-    for row in read_label_part(raw_folder, "objects.parquet", segment).to_pylist():
+    for row in read_label_part(folder, "objects.parquet", segment).to_pylist():
         objects[row["k"]].append(row)
     try:
-        files = occupancy_files(asked, raw_folder / LABEL_PARTS, segment, segments, objects)
+        files = occupancy_files(asked, folder, segment, segments, objects)
     except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile) as error:
         raise ConversionError(f"A label part is gone or damaged: {error}", "Try again.") from error
     with attempt_files.stream() as written:
         return EncodedSegment(files=tuple(written.write(*file) for file in files))
 
 
-def read_label_part(raw_folder: Path, table: str, segment: int) -> pa.Table:
-    """What ``label_segment`` has made of one segment for a table.
+def read_label_part(folder: Path, table: str, segment: int) -> pa.Table:
+    """What ``label_segment`` has made of one segment for a table; ``folder`` has the parts.
 
     Raises:
         ConversionError: it is gone or damaged.
     """
     try:
-        with pa.OSFile(str(_part(raw_folder, table, segment)), "rb") as file:
+        with pa.OSFile(str(_part(folder, table, segment)), "rb") as file:
             return pa.ipc.open_file(file).read_all()
     except (OSError, pa.ArrowException) as error:
         raise ConversionError(f"A label part is gone or damaged: {error}", "Try again.") from error
@@ -226,8 +249,8 @@ def _write_part(table: pa.Table, path: Path) -> None:
         writer.write_table(table)
 
 
-def _part(raw_folder: Path, table: str, segment: int) -> Path:
-    return raw_folder / LABEL_PARTS / f"{segment:06d}.{Path(table).stem}.arrow"
+def _part(folder: Path, table: str, segment: int) -> Path:
+    return folder / f"{segment:06d}.{Path(table).stem}.arrow"
 
 
 def rows_to_table(rows: Sequence[dict[str, Any]], columns: Sequence[Column], name: str) -> pa.Table:

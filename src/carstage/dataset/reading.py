@@ -17,7 +17,7 @@ from carstage.dataset.calibration import Calibration, SensorCalibration, calibra
 from carstage.dataset.documents import read_document
 from carstage.dataset.maps import map_path, read_map, read_vector_map, vector_map_table
 from carstage.dataset.querying import EpisodeTables, query_episodes
-from carstage.dataset.saved_frames import EpisodeFrames, Frame
+from carstage.dataset.saved_frames import Damage, EpisodeFrames, Frame
 from carstage.dataset.splits import Split, StoredSplits, read_splits
 from carstage.dataset.surroundings import read_birds_eye, read_occupancy
 from carstage.dataset.tables import read_table, require_columns, row_sensor
@@ -28,7 +28,8 @@ from carstage.occupancy import Occupancy
 from carstage.spec import EpisodeSpec, SpecError
 from carstage.storage.address import dataset_root
 from carstage.storage.description import read_description
-from carstage.storage.marker import CommitMarker
+from carstage.storage.marker import CommitMarker, FileEntry
+from carstage.storage.names import AGENTS, agent_folder
 from carstage.storage.opening import open_store
 from carstage.storage.remote_path import DatasetPath
 from carstage.vector_map import VectorMap
@@ -153,17 +154,76 @@ class Sensor:
 
 
 class Episode:
-    """One committed episode; nothing is read before it is asked for."""
+    """One committed episode; nothing is read before it is asked for.
 
-    def __init__(self, folder: DatasetPath, marker: CommitMarker) -> None:
+    Args:
+        folder: its attempt's, or an agent's below it.
+        marker: what was committed.
+        agent: name of the agent beside the ego as whose the episode is read: sensors, labels and
+            ego motion are its own; see :meth:`agent`.
+
+    Attributes:
+        agent_damage: by agent, what of its data has to be taken for missing; empty unless set.
+    """
+
+    def __init__(self, folder: DatasetPath, marker: CommitMarker, agent: str | None = None) -> None:
         self.folder = folder
         self.marker = marker
+        self.agent_name = agent
+        self._attempt_folder = folder if agent is None else folder.parents[1]
+        self.agent_damage: Mapping[str, Damage] = {}
+        self._agent_frames: dict[str, EpisodeFrames] = {}
         self._sensors: dict[str, Sensor] = {}
 
     @property
     def id(self) -> str:
         """Hash of its spec, see ``docs/formats/run-folder.md``."""
         return self.marker.episode_id
+
+    @property
+    def agents(self) -> tuple[str, ...]:
+        """Names of the agents beside the ego, in the order of the configuration; often none."""
+        return tuple(agent.name for agent in self.spec.agents)
+
+    def agent(self, name: str) -> Episode:
+        """The same episode with an agent in the ego's place: its sensors, labels and motion.
+
+        Raises:
+            BadInputError: the episode has no agent of that name.
+        """
+        if name not in self.agents:
+            known = ", ".join(self.agents) or "none"
+            raise BadInputError(f"Episode {self.id} has no agent {name!r}.", f"Agents: {known}.")
+        prefix = f"{agent_folder(name)}/"
+        files = tuple(
+            replace(entry, path=entry.path.removeprefix(prefix))
+            for entry in self.marker.files
+            if entry.path.startswith(prefix)
+        )
+        folder = self._attempt_folder / agent_folder(name)
+        return Episode(folder, replace(self.marker, files=files), name)
+
+    @property
+    def views(self) -> tuple[Episode, ...]:
+        """The episode as the ego's, then as each agent's."""
+        return (self, *map(self.agent, self.agents))
+
+    def agent_frame(self, name: str, k: int) -> Frame:
+        """Frame ``k`` as an agent's; its tables are kept.
+
+        Raises:
+            BadInputError: the episode has no agent of that name.
+            DatasetError: a table is missing or damaged.
+        """
+        if name not in self._agent_frames:
+            damage = self.agent_damage.get(name, frozenset())
+            self._agent_frames[name] = EpisodeFrames(self.agent(name), damage)
+        return self._agent_frames[name].frame(k)
+
+    @property
+    def files(self) -> tuple[FileEntry, ...]:
+        """The committed files, without those of agents; names are relative to ``folder``."""
+        return tuple(f for f in self.marker.files if not f.path.startswith(f"{AGENTS}/"))
 
     @property
     def frames(self) -> int:
@@ -206,7 +266,7 @@ class Episode:
         Raises:
             DatasetError: ``episode.json`` is missing or damaged.
         """
-        return map_path(self.folder, self.document, "xodr")
+        return map_path(self._attempt_folder, self.document, "xodr")
 
     def opendrive(self) -> str | None:
         """The town's OpenDRIVE text as the server gave it; ``None`` where it was not recorded.
@@ -214,7 +274,7 @@ class Episode:
         Raises:
             DatasetError: ``episode.json`` is damaged, or the text is missing or damaged.
         """
-        content = read_map(self.folder, self.document, "xodr")
+        content = read_map(self._attempt_folder, self.document, "xodr")
         try:
             return None if content is None else content.decode()
         except UnicodeDecodeError as error:
@@ -223,11 +283,11 @@ class Episode:
     @property
     def vector_map_file(self) -> DatasetPath | None:
         """The town's vector map, GeoParquet; ``None`` where there is none."""
-        return map_path(self.folder, self.document, "parquet")
+        return map_path(self._attempt_folder, self.document, "parquet")
 
     def vector_map_table(self) -> pa.Table | None:
         """:meth:`vector_map` as the table that is stored, which raises the same."""
-        return vector_map_table(self.folder, self.document)
+        return vector_map_table(self._attempt_folder, self.document)
 
     def vector_map(self) -> VectorMap | None:
         """The town's lanes, markings, junctions, crosswalks, stop lines and signals.
@@ -237,7 +297,7 @@ class Episode:
         Raises:
             DatasetError: ``episode.json`` is damaged, or the map is missing or damaged.
         """
-        return read_vector_map(self.folder, self.document)
+        return read_vector_map(self._attempt_folder, self.document)
 
     def birds_eye(self, k: int) -> BirdsEye | None:
         """The bird's-eye grids of frame ``k``; ``None`` where none were asked for.
@@ -442,6 +502,16 @@ class Dataset:
         ids = dict.fromkeys(episode_ids)
         chosen.__dict__["episodes"] = tuple(self.episode(name) for name in sorted(ids))
         return chosen
+
+    def as_agent(self, name: str) -> Dataset:
+        """The same dataset, with an agent of that name in the ego's place in every episode.
+
+        Raises:
+            BadInputError: an episode has no such agent.
+        """
+        seen = Dataset(self.path)
+        seen.__dict__["episodes"] = tuple(episode.agent(name) for episode in self.episodes)
+        return seen
 
     @cached_property
     def stored_splits(self) -> StoredSplits | None:

@@ -59,6 +59,23 @@ class Frame:
         """The sensor's data, see ``Sensor.read``."""
         return self.episode.sensor(sensor_id).read(self.k)
 
+    def as_agent(self, name: str) -> Frame:
+        """The same moment as an agent's beside the ego: its sensors, its labels, its motion.
+
+        Raises:
+            BadInputError: the episode has no agent of that name.
+        """
+        return self.episode.agent_frame(name, self.k)
+
+    def ego_from_agent(self, name: str) -> FloatArray:
+        """``(4, 4)`` pose of an agent beside the ego, on the ego, CARLA's axes.
+
+        Raises:
+            BadInputError: the episode has no agent of that name.
+            DatasetError: no table holds one of the poses.
+        """
+        return invert_pose(self.world_from_ego) @ self.as_agent(name).world_from_ego
+
     def image_file(self, camera_id: str) -> DatasetPath:
         """The file of a camera's picture."""
         return self.episode.sensor(camera_id).paths(self.k)[0]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -35,6 +35,7 @@ class Completeness:
         problems: what is missing or damaged.
         whole: ids of the episodes whose documents and tables are whole; others cannot be exported.
         damage: by episode, the sensors and frames whose files are missing or changed.
+        agent_damage: by episode and agent beside the ego, likewise; where those are exported, too.
         labels: number of label rows by class and blueprint, the ego's left out.
     """
 
@@ -42,6 +43,7 @@ class Completeness:
     whole: frozenset[str]
     damage: Mapping[str, Damage]
     labels: Mapping[tuple[str, str], int]
+    agent_damage: Mapping[str, Mapping[str, Damage]]
 
     @property
     def unknown_classes(self) -> dict[str, int]:
@@ -62,7 +64,9 @@ class Completeness:
         return not any(problem.severity == "error" for problem in self.problems)
 
 
-def examine(dataset: Dataset, progress: Progress | None = None) -> Completeness:
+def examine(
+    dataset: Dataset, progress: Progress | None = None, *, with_agents: bool = False
+) -> Completeness:
     """Compare every committed file with its marker, and the ledger with what was asked for.
 
     Whether the data make sense is for ``carstage validate``.
@@ -70,22 +74,30 @@ def examine(dataset: Dataset, progress: Progress | None = None) -> Completeness:
     Args:
         dataset: the dataset.
         progress: called with (frames, frames in all).
+        with_agents: also look at what agents beside the ego recorded.
     """
     problems: list[Problem] = []
     damage: dict[str, Damage] = {}
+    agent_damage: dict[str, dict[str, Damage]] = defaultdict(dict)
+    broken: set[str] = set()
+    views = [v for e in dataset.episodes for v in (_views(e) if with_agents else (e,))]
     labels: Counter[tuple[str, str]] = Counter()
-    whole = set()
-    total, done = sum(episode.frames for episode in dataset.episodes), 0
+    whole: set[str] = set()
+    total, done = sum(view.frames for view in views), 0
     if not dataset.episodes:
         findings = Findings(None)
         findings.add("empty", "the dataset has no committed episode")
         problems += findings.problems()
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as threads:
-        for episode in dataset.episodes:
-            findings = Findings(episode.id)
+        for episode in views:
+            findings = Findings(episode.id, episode.agent_name if with_agents else None)
             changed = _changed_files(episode, threads, findings)
+            is_whole = False
             try:
-                damage[episode.id] = _damage(episode, changed)
+                if with_agents and episode.agent_name is not None:
+                    agent_damage[episode.id][episode.agent_name] = _damage(episode, changed)
+                else:
+                    damage[episode.id] = _damage(episode, changed)
                 ledger = episode.ledger()
                 recorded = recorded_frames(episode.calibration.sensors, ledger)
                 check_file_list(episode, recorded, findings)
@@ -93,14 +105,23 @@ def examine(dataset: Dataset, progress: Progress | None = None) -> Completeness:
                 labels += _labels(episode)
                 if not changed & {*DOCUMENTS, *TABLES}:
                     check_row_sensors(episode, ledger, recorded, findings)
-                    whole.add(episode.id)
+                    is_whole = True
             except CarStageError as error:
                 findings.add("unreadable", str(error))
+            (whole if is_whole else broken).add(episode.id)
             problems += findings.problems()
             done += episode.frames
             if progress is not None:
                 progress(done, total)
-    return Completeness(tuple(problems), frozenset(whole), damage, labels)
+    return Completeness(tuple(problems), frozenset(whole - broken), damage, labels, agent_damage)
+
+
+def _views(episode: Episode) -> tuple[Episode, ...]:
+    """The episode as the ego's and as each agent's; the former alone where it is not readable."""
+    try:
+        return episode.views
+    except CarStageError:
+        return (episode,)
 
 
 def _changed_files(
@@ -108,7 +129,7 @@ def _changed_files(
 ) -> frozenset[str]:
     """Names of the files that are not what was committed."""
     changed = set()
-    entries = episode.marker.files
+    entries = episode.files
     for entry, problem in zip(
         entries, threads.map(lambda e: _difference(episode.folder, e), entries), strict=True
     ):
@@ -139,7 +160,7 @@ def _difference(folder: DatasetPath, entry: FileEntry) -> tuple[str, str] | None
 def _damage(episode: Episode, changed: frozenset[str]) -> Damage:
     """The sensors and frames that the files are of."""
     damage = set()
-    listed = {entry.path for entry in episode.marker.files} - changed
+    listed = {entry.path for entry in episode.files} - changed
     for sensor in episode.sensors:
         for k in range(episode.frames):
             if not listed.issuperset(sensor.file_names(k)):

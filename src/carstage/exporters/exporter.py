@@ -58,12 +58,15 @@ class Exporter(ABC):
         files: holds what the exporter has open.
         sensors_left_out: by id of a sensor, the frames whose data the format has no place for; for
             formats that say they hold every sensor.
+        with_agents: whether it writes what agents beside the ego recorded, too; other formats have
+            one car in a frame, and users choose whose.
         splits: the split of each episode by its id, set before ``begin``; see ``split_of``.
     """
 
     name: ClassVar[str]
     summary: ClassVar[str]
     uses: ClassVar[frozenset[str]]
+    with_agents: ClassVar[bool] = False
 
     def __init__(self, options: ExportOptions) -> None:
         self.options = options
@@ -136,7 +139,8 @@ def exporter_for(name: str, options: ExportOptions) -> Exporter:
         raise BadInputError(f"No export format {name!r}.", f"Formats: {', '.join(known)}.")
     flags = {option.name: flag_of(option) for option in fields(ExportOptions)}
     for given in options.given():
-        if given != "episodes" and given not in known[name].uses:
+        everybodys = ("episodes",) if known[name].with_agents else ("episodes", "agent")
+        if given not in everybodys and given not in known[name].uses:
             used = ", ".join(flags[use] for use in sorted(known[name].uses))
             raise BadInputError(
                 f"The format {name} does not use {flags[given]}.", f"It uses {used}."

@@ -116,8 +116,8 @@ def export_dataset(
     source, target = Dataset(dataset), dataset_root(out)
     exporter = exporter_for(format_name, options or ExportOptions())
     _check_target(target, source.path, overwrite=overwrite)
-    chosen = source.only(exporter.options.episodes)
-    found = examine(chosen, _of_phase("Checking", progress))
+    chosen = _chosen(source, exporter.options)
+    found = examine(chosen, _of_phase("Checking", progress), with_agents=exporter.with_agents)
     if not found.complete and not allow_incomplete:
         raise BadInputError(_refusal(found), "Repair it, or add --allow-incomplete.")
     episodes = tuple(episode for episode in chosen.episodes if episode.id in found.whole)
@@ -156,6 +156,16 @@ def export_dataset(
             },
         )
     return summary
+
+
+def _chosen(source: Dataset, options: ExportOptions) -> Dataset:
+    """The episodes that the options name, as those of the agent that they name.
+
+    Raises:
+        BadInputError: there is no such episode or agent.
+    """
+    chosen = source.only(options.episodes)
+    return chosen if options.agent is None else chosen.as_agent(options.agent)
 
 
 def _check_target(out: DatasetPath, dataset: DatasetPath, *, overwrite: bool) -> None:
@@ -223,6 +233,8 @@ def _write(
                 episode.marker.attempt,
                 episode.frames,
                 found.damage.get(episode.id, frozenset()),
+                episode.agent_name,
+                tuple(found.agent_damage.get(episode.id, {}).items()),
             )
             for part in _parts(pool, workers, task, writer, folder):
                 if part is not None:
@@ -258,6 +270,8 @@ class _EpisodeTask:
     attempt: str
     frames: int
     damage: Damage
+    agent: str | None
+    agent_damage: tuple[tuple[str, Damage], ...]
 
 
 def _parts(
@@ -290,4 +304,6 @@ def _write_frame(task: _EpisodeTask, k: int, writer: FrameWriter, folder: Path) 
 def _frames_of(task: _EpisodeTask) -> EpisodeFrames:
     """An episode's tables, read once by each process."""
     marker = CommitMarker(task.episode_id, task.attempt, task.frames, (), {})
-    return EpisodeFrames(Episode(task.folder, marker), task.damage)
+    episode = Episode(task.folder, marker, task.agent)
+    episode.agent_damage = dict(task.agent_damage)
+    return EpisodeFrames(episode, task.damage)

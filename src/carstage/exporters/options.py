@@ -48,6 +48,7 @@ class ExportOptions:
         classes: names of the classes to export.
         messages: of MCAP: which messages.
         episodes: ids of the episodes to export; none: all.
+        agent: name of the agent beside the ego whose sensors and labels are exported.
         categories: Car-STAGE's classes, or COCO's 80.
         class_map: targets of the classes, see ``read_class_map``.
         nuscenes_locations: whether towns get the names of the four locations that nuScenes's
@@ -111,6 +112,10 @@ class ExportOptions:
     episodes: tuple[str, ...] = field(
         default=(),
         metadata=_shown("An episode to export; default: all. Repeatable.", "ID", "--episode"),
+    )
+    agent: str | None = field(
+        default=None,
+        metadata=_shown("Export what this agent recorded, in place of the ego.", "NAME"),
     )
     class_map: ClassMap | None = field(
         default=None,

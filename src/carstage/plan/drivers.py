@@ -7,7 +7,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from carstage.config import Config
-from carstage.config.drivers import AutopilotDriver, ClassDriver, DeviceDriver, RouteDriver
+from carstage.config.drivers import (
+    AutopilotDriver,
+    ClassDriver,
+    DeviceDriver,
+    Driver,
+    RouteDriver,
+)
 from carstage.errors import ConfigError
 from carstage.spec import (
     ClassDriverSpec,
@@ -45,12 +51,11 @@ class Drive:
         return self.spec.map
 
 
-def plan_driver(config: Config) -> DriverSpec | None:
-    """The ego's driver in the specification; None: the Traffic Manager.
+def plan_driver(config: Config, driver: Driver) -> DriverSpec | None:
+    """A driver in the specification, the ego's or an agent's; None: the Traffic Manager.
 
     A replay's comes with the rest of the drive, see :func:`driven_again`.
     """
-    driver = config.ego.driver
     if isinstance(driver, AutopilotDriver):
         return None
     if isinstance(driver, RouteDriver):
@@ -68,11 +73,16 @@ def plan_driver(config: Config) -> DriverSpec | None:
 
 
 def check_drive(config: Config, drive: Drive) -> None:
-    """Refuse a drive that does not fit the configuration's time.
+    """Refuse a drive that does not fit the configuration's time, or was a fleet's.
 
     Raises:
-        ConfigError: it has another frame rate, or ends before the episode does.
+        ConfigError: it has another frame rate, ends before the episode does, or had agents.
     """
+    if drive.spec.agents:
+        raise ConfigError(
+            "ego.driver.episode: agents drove beside the ego, whose commands are not replayed.",
+            "Give an episode without agents.",
+        )
     if config.fps != drive.spec.fps:
         raise ConfigError(
             f"fps: the episode in ego.driver was driven at {drive.spec.fps:g} Hz, one command for "

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import is_not
 from typing import Any
 
 import numpy as np
@@ -104,13 +105,14 @@ class EpisodeCosts:
     """
 
     def __init__(self) -> None:
-        self._sensors: object = None
+        self._rigs: tuple[object, ...] = ()
         self._known: dict[tuple[Any, ...], tuple[int, int, float, int, int]] = {}
 
     def of(self, spec: EpisodeSpec) -> tuple[int, int, float, int, int]:
         """:func:`episode_cost` of a specification."""
-        if spec.sensors is not self._sensors:
-            self._sensors = spec.sensors  # kept, so no others can have their identity
+        rigs = (spec.sensors, *(agent.sensors for agent in spec.agents))
+        if len(rigs) != len(self._rigs) or any(map(is_not, rigs, self._rigs)):
+            self._rigs = rigs  # kept, so no others can have their identity
             self._known.clear()
         users = (road_users(spec), spec.pedestrians.count)
         key = (*users, spec.steps, spec.fps, spec.save_every, spec.warmup_ticks)
@@ -121,10 +123,11 @@ class EpisodeCosts:
 
 
 def road_users(spec: EpisodeSpec) -> int:
-    """Vehicles, pedestrians and the ego."""
+    """Vehicles, pedestrians, the ego and the agents beside it."""
     if isinstance(spec.scenario, ReplaySpec):
         return len(spec.scenario.actors)
-    return spec.vehicles.total + spec.pedestrians.count + 1
+    agents = sum(agent.vehicle is not None for agent in spec.agents)
+    return spec.vehicles.total + spec.pedestrians.count + 1 + agents
 
 
 def _pixels(sensor: SensorSpec) -> int:
@@ -149,9 +152,9 @@ def _file_bytes(sensor: SensorSpec) -> float:
 
 
 def _raw_bytes(spec: EpisodeSpec) -> int:
-    actors = road_users(spec) + spec.pedestrians.count + len(spec.sensors) + 60
+    actors = road_users(spec) + spec.pedestrians.count + len(spec.streams) + 60
     per_frame: int = 0
-    for sensor in spec.sensors:
+    for sensor in spec.streams.values():
         per_frame += _BYTES_PER_RECORD
         if "image_size_x" in sensor.attributes:
             per_frame += sensor_kind(sensor.kind).raw_bytes * _pixels(sensor)
@@ -167,7 +170,7 @@ def _raw_bytes(spec: EpisodeSpec) -> int:
 def _dataset_bytes(spec: EpisodeSpec) -> int:
     objects = road_users(spec)
     per_frame = 0.0
-    for sensor in spec.sensors:
+    for sensor in spec.streams.values():
         if sensor.labelled:
             per_frame += _LABEL_BYTES * objects
         if sensor.hidden:
@@ -178,13 +181,15 @@ def _dataset_bytes(spec: EpisodeSpec) -> int:
             per_frame += _file_bytes(sensor) * _rays(sensor, spec.fps)
         else:
             per_frame += _SMALL_SENSOR_BYTES
+    views = 1 + len(spec.agents)
     if spec.labels.birds_eye is not None:
         asked = spec.labels.birds_eye
         cells = asked.length_m * asked.width_m / asked.resolution_m**2
-        per_frame += _GRID_BYTES + _CELL_BYTES * cells
+        per_frame += views * (_GRID_BYTES + _CELL_BYTES * cells)
     if spec.labels.occupancy is not None:
-        per_frame += _GRID_BYTES + _VOXEL_BYTES * math.prod(spec.labels.occupancy.cells)
-    return round(spec.saved_frames * (per_frame + _LABEL_BYTES * objects))
+        cells = math.prod(spec.labels.occupancy.cells)
+        per_frame += views * (_GRID_BYTES + _VOXEL_BYTES * cells)
+    return round(spec.saved_frames * (per_frame + _LABEL_BYTES * objects * views))
 
 
 def _duration_s(spec: EpisodeSpec) -> float:
@@ -198,13 +203,14 @@ def estimate_tick_s(spec: EpisodeSpec) -> float:
     Cameras of one pose and one set of intrinsics share one cast, so they count once.
     """
     casts = {
-        (sensor.pose, tuple(sorted(geometry(sensor.attributes).items()))): _pixels(sensor)
-        for sensor in spec.sensors
+        (number, sensor.pose, tuple(sorted(geometry(sensor.attributes).items()))): _pixels(sensor)
+        for number, rig in enumerate((spec.sensors, *(agent.sensors for agent in spec.agents)))
+        for sensor in rig
         if "image_size_x" in sensor.attributes
     }
     rays = sum(
         _rays(sensor, spec.fps)
-        for sensor in spec.sensors
+        for sensor in spec.streams.values()
         if "points_per_second" in sensor.attributes
     )
     return _TICK_S + sum(casts.values()) * _CAMERA_PIXEL_S + rays * _LIDAR_RAY_S

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from fnmatch import fnmatchcase
 
 from carstage.config import Config, Sensor
+from carstage.config.agents import VehicleAgent
 from carstage.config.attributes import CameraAttributes
 from carstage.config.fields import path_text, unknown
 from carstage.config.traffic import Pedestrians, VehicleGroup, Vehicles
@@ -44,6 +45,10 @@ def _check_blueprints(config: Config, facts: ServerFacts, recording: Source | No
     if config.ego.blueprint not in vehicles:
         message, hint = unknown("blueprint", config.ego.blueprint, vehicles)
         raise ConfigError(f"ego.blueprint: {message}", hint)
+    for position, agent in enumerate(config.agents):
+        if isinstance(agent, VehicleAgent) and agent.blueprint not in vehicles:
+            message, hint = unknown("blueprint", agent.blueprint, vehicles)
+            raise ConfigError(f"agents[{position}].blueprint: {message}", hint)
     if isinstance(recording, Recording):
         for track in recording.tracks:
             if track.blueprint not in known:

@@ -13,12 +13,12 @@ from carstage.config.dimensions import Variants, dimensions
 from carstage.config.drivers import ReplayDriver
 from carstage.config.fields import unknown
 from carstage.config.labels import Labels
-from carstage.config.scene import Stand as ConfiguredStand
 from carstage.config.scene import map_name
 from carstage.config.timing import Timing
 from carstage.config.traffic import Vehicles
 from carstage.config.weather import WeatherConfig
 from carstage.errors import ConfigError
+from carstage.plan.agents import are_as_asked, plan_agents
 from carstage.plan.canonical import CanonicalTexts
 from carstage.plan.draws import Draws
 from carstage.plan.drivers import Drive, check_drive, driven_again, plan_driver
@@ -30,6 +30,7 @@ from carstage.plan.rig import plan_sensors
 from carstage.plan.sampling import Sampling
 from carstage.plan.scenario import plan_scenario
 from carstage.plan.sources import Source
+from carstage.plan.starts import plan_start
 from carstage.spec import (
     BirdsEyeSpec,
     EgoSpec,
@@ -40,7 +41,7 @@ from carstage.spec import (
     OccupancySpec,
     PedestriansSpec,
     Seeds,
-    Stand,
+    SensorSpec,
     TimingSpec,
     TrafficSpec,
     VehiclesSpec,
@@ -156,12 +157,19 @@ class _Planner:
             ego=EgoSpec(
                 blueprint=config.ego.blueprint,
                 color=None if config.ego.color == "random" else config.ego.color,
-                **_start(config, facts, name, spawn_draw),
-                driver=plan_driver(config),
+                **plan_start(config.ego.spawn, facts, name, spawn_draw, "ego", "spawn"),
+                driver=plan_driver(config, config.ego.driver),
             ),
             scenario=scenario,
             seeds=self.seeds(index),
+            agents=plan_agents(config, facts, name, index, self._draws, self.agent_sensors),
         )
+
+    def agent_sensors(self, config: Config, position: int) -> tuple[SensorSpec, ...]:
+        """The sensors of an agent."""
+        agent = config.agents[position]
+        of = (agent.rig, config.labels, config.fps, config.image_size)
+        return self._once(f"agents[{position}]", of, lambda: plan_sensors(config.seen_by(agent)))
 
     def seeds(self, index: int) -> Seeds:
         """One integer for each consumer of randomness in an episode."""
@@ -235,7 +243,10 @@ class PlanMatcher:
         if spec.index >= self._config.episodes or spec.seeds != self._planner.seeds(spec.index):
             return None
         config = self.sampling.config(spec.index)
-        if isinstance(config.ego.driver, ReplayDriver) or plan_driver(config) != spec.ego.driver:
+        driver = config.ego.driver
+        if isinstance(driver, ReplayDriver) or plan_driver(config, driver) != spec.ego.driver:
+            return None
+        if not are_as_asked(spec.agents, config, self._planner.agent_sensors):
             return None
         wanted = self._planner.settings(config)
         del wanted["dialect"]
@@ -312,19 +323,3 @@ def _maps(config: Config, facts: ServerFacts, recording: Source | None) -> tuple
             raise ConfigError(f"{path}: {message}", hint)
         found.append(short)
     return tuple(found)
-
-
-def _start(config: Config, facts: ServerFacts, town: str, draw: float) -> dict[str, Any]:
-    """Where the ego begins: a spawn point, or a place of its own."""
-    count, spawn = facts.count(town), config.ego.spawn
-    if isinstance(spawn, ConfiguredStand):
-        place = Stand(x_m=spawn.x, y_m=spawn.y, z_m=spawn.z, yaw_deg=spawn.yaw_deg)
-        return {"spawn_index": None, "spawn_place": place}
-    if spawn == "random":
-        return {"spawn_index": int(draw * facts.maps[town]), "spawn_place": None}
-    if count is not None and spawn >= count:
-        raise ConfigError(
-            f"ego.spawn: {town} has no spawn point {spawn}.",
-            f"It has {count}, counted from 0; or use `random`.",
-        )
-    return {"spawn_index": spawn, "spawn_place": None}

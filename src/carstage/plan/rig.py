@@ -98,7 +98,7 @@ def _sensor(sensor: Sensor, config: Config, labelled: bool) -> SensorSpec:
         blueprint=sensor.row.blueprint,
         hidden=False,
         labelled=labelled,
-        pose=_pose(sensor.pose),
+        pose=pose_spec(sensor.pose),
         attributes=_attributes(sensor, config),
         attach_to=sensor.attach_to,
         attach_index=sensor.attach_index,
@@ -141,7 +141,8 @@ def _attributes(sensor: Sensor, config: Config) -> dict[str, str]:
     return strings
 
 
-def _pose(pose: Pose) -> PoseSpec:
+def pose_spec(pose: Pose) -> PoseSpec:
+    """A pose as the specification has it."""
     # Adding 0.0 turns -0.0 into 0.0: one pose must not have two ids.
     return PoseSpec(
         x_m=pose.x + 0.0,

@@ -47,7 +47,7 @@ _SEGMENT_HEADER = struct.Struct("<8sHHI32s12sI")
 _RECORD_HEADER = struct.Struct("<4sHHQdIIQIIQII")
 _CRC = struct.Struct("<I")
 _ALIGNMENT = 8
-_STREAM_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,30}\Z")
+_STREAM_NAME = re.compile(r"(?=.{1,31}\Z)[A-Za-z0-9][A-Za-z0-9_.-]*(@[1-9][0-9]?)?\Z")
 _SEGMENT_FILE = re.compile(r"(\d{6})\.seg\Z")
 
 ACTOR_RECORD = struct.Struct("<II15f")
@@ -123,12 +123,13 @@ def check_stream_name(stream: str) -> str:
     """Return ``stream`` when it may name a stream.
 
     Raises:
-        ValueError: when it does not match ``[A-Za-z0-9][A-Za-z0-9_.-]{0,30}``.
+        ValueError: when it is not a sensor's id, or one and the number of its agent: at most 31
+            characters of ``[A-Za-z0-9][A-Za-z0-9_.-]*(@[1-9][0-9]?)?``.
     """
     if not _STREAM_NAME.match(stream):
         raise ValueError(
-            "stream name %r must match [A-Za-z0-9][A-Za-z0-9_.-]{0,30} (it names a folder)"
-            % (stream,)
+            "stream name %r must match [A-Za-z0-9][A-Za-z0-9_.-]*(@[1-9][0-9]?)? and have at most "
+            "31 characters (it names a folder)" % (stream,)
         )
     return stream
 

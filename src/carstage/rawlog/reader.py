@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from carstage.errors import RawLogError
 from carstage.rawlog import format as raw
-from carstage.spec import EpisodeSpec, SpecError
+from carstage.spec import EpisodeSpec, SpecError, agent_of, stream_of
 
 ACTOR_DTYPE = np.dtype(
     [
@@ -151,13 +151,18 @@ class EpisodeLog:
 
     Args:
         folder: the attempt's folder, with ``episode.json``.
+        agent: name of an agent beside the ego, who is then taken for the ego: the header, the
+            sensors and the world's records are as that agent would have recorded them alone.
 
     Raises:
-        RawLogError: when ``episode.json`` is missing, damaged or of another format version.
+        RawLogError: when ``episode.json`` is missing, damaged or of another format version, or
+            there is no such agent.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, agent: str | None = None) -> None:
         self.folder = Path(folder)
+        self._agent = agent
+        self._number = 0
         path = self.folder / raw.EPISODE_FILE
         try:
             header = json.loads(path.read_text(encoding="utf-8"))
@@ -175,6 +180,34 @@ class EpisodeLog:
             )
         self.header: Mapping[str, Any] = header
         self._path = path
+        if agent is not None:
+            self._see_as(agent)
+
+    def _see_as(self, agent: str) -> None:
+        """Take an agent for the ego.
+
+        Raises:
+            RawLogError: the log has none of that name.
+        """
+        whole = self.spec
+        try:
+            self._number = whole.agent_number(agent)
+            own = self.header["agents"][agent]
+        except KeyError as error:
+            raise RawLogError(f"{self._path} names no agent {agent}.") from error
+        common = {key: value for key, value in self.header.items() if key != "agents"}
+        seen = whole.seen_by(agent).to_json()
+        self.header = {**common, **own, "agent": agent, "spec": seen}
+        del self.spec  # read anew from what the header says now
+
+    def stream(self, name: str) -> str:
+        """The stream that a sensor's data is in, by its id; ``world`` and ``ledger`` as they are.
+
+        Streams' names differ from ids for the sensors of agents beside the ego.
+        """
+        if not self._number or name in (raw.WORLD, raw.LEDGER):
+            return name
+        return stream_of(name, self._number)
 
     @cached_property
     def spec(self) -> EpisodeSpec:
@@ -225,8 +258,8 @@ class EpisodeLog:
         )
 
     def sealed_segments(self, stream: str) -> tuple[int, ...]:
-        """Numbers of the stream's sealed segments, ascending."""
-        folder = self.folder / stream
+        """Numbers of the sealed segments of a sensor, or of ``world`` or ``ledger``, ascending."""
+        folder = self.folder / self.stream(stream)
         if not folder.is_dir():
             return ()
         numbers = (raw.segment_index(entry.name) for entry in folder.iterdir())
@@ -235,6 +268,10 @@ class EpisodeLog:
     def read_segment(self, stream: str, index: int) -> list[Record]:
         """Read the data and table records of a sealed segment; payloads are mapped, not copied.
 
+        Args:
+            stream: id of a sensor, ``world`` or ``ledger``.
+            index: number of the segment.
+
         Raises:
             RawLogError: the segment is missing, damaged, of another stream or number, or its seal
                 does not fit; names the file and the offset.
@@ -242,7 +279,7 @@ class EpisodeLog:
         path = self._segment_path(stream, index)
         data = _mapped(path)
         found = _segment_header(path, data)
-        if found != (stream, index):
+        if found != (self.stream(stream), index):
             raise RawLogError(f"{path} holds segment {found.segment} of stream {found.stream!r}.")
         return _sealed_records(path, data)
 
@@ -263,15 +300,23 @@ class EpisodeLog:
                 part.unlink(missing_ok=True)
 
     def _segment_path(self, stream: str, index: int) -> Path:
-        return self.folder / stream / f"{index:06d}{raw.SEALED_SUFFIX}"
+        return self.folder / self.stream(stream) / f"{index:06d}{raw.SEALED_SUFFIX}"
 
     def world_frames(self, index: int) -> list[WorldFrame]:
         """World snapshots of segment ``index``, one per tick, in order."""
         return [
-            _world_frame(record)
+            _world_frame(record, self._own_meta(record.meta))
             for record in self.read_segment(raw.WORLD, index)
             if record.kind == raw.KIND_DATA
         ]
+
+    def _own_meta(self, meta: Mapping[str, Any]) -> Mapping[str, Any]:
+        """A world record's meta with what is noted of the ego; of the agent taken for it."""
+        if self._agent is None:
+            return meta
+        others = ("ego", "driver", "events", "agents")
+        common = {key: value for key, value in meta.items() if key not in others}
+        return {**common, **meta.get("agents", {}).get(self._agent, {})}
 
     def actors(self, up_to_segment: int | None = None) -> dict[int, ActorInfo]:
         """Everything known about actors, by id; ids of actors that have gone are kept.
@@ -308,7 +353,7 @@ class EpisodeLog:
         """Ledger rows of all sealed segments, in order.
 
         Each row holds ``tick``, ``frame``, ``timestamp_s`` and what the record's meta holds: ``k``,
-        ``sensors``, ``tick_s``.
+        ``sensors`` by their ids, ``tick_s``.
         """
         return [
             {
@@ -316,11 +361,17 @@ class EpisodeLog:
                 "frame": record.frame,
                 "timestamp_s": record.timestamp_s,
                 **record.meta,
+                "sensors": self._own_states(record.meta["sensors"]),
             }
             for index in self.sealed_segments(raw.LEDGER)
             for record in self.read_segment(raw.LEDGER, index)
             if record.kind == raw.KIND_DATA
         ]
+
+    def _own_states(self, states: Mapping[str, Any]) -> dict[str, Any]:
+        """The states of the ego's sensors by their ids; of those of the agent taken for it."""
+        named = ((agent_of(stream), state) for stream, state in states.items())
+        return {sensor: state for (sensor, number), state in named if number == self._number}
 
     def is_complete(self) -> bool:
         """Whether every tick that ``episode.json`` promises is in sealed ledger segments."""
@@ -420,7 +471,7 @@ def _payload_elsewhere(path: Path, suffix: str, begin: int, size: int) -> memory
     return payload
 
 
-def _world_frame(record: Record) -> WorldFrame:
+def _world_frame(record: Record, meta: Mapping[str, Any]) -> WorldFrame:
     rows = np.frombuffer(record.payload, dtype=ACTOR_DTYPE)
 
     def vectors(name: str) -> NDArray[np.float64]:
@@ -436,7 +487,7 @@ def _world_frame(record: Record) -> WorldFrame:
         velocity=vectors("velocity"),
         angular_velocity_deg=vectors("angular_velocity_deg"),
         acceleration=vectors("acceleration"),
-        meta=record.meta,
+        meta=meta,
     )
 
 

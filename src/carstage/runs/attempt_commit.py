@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from carstage.conversion import EpisodeConversion
+from carstage.conversion import FleetConversion
 from carstage.errors import CarStageError, StorageError
 from carstage.runs.pending import Pending, forget_pending, write_pending
 from carstage.spec import EpisodeSpec
@@ -83,7 +83,8 @@ class AttemptCommit:
         self._codecs = codecs
         self._self_test = self_test
         self._deferred = deferred
-        self._conversion = EpisodeConversion(
+        self._conversion = FleetConversion(
+            job.spec,
             raw_folder,
             store.attempt_files(job.episode_id, attempt),
             pool,

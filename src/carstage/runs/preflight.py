@@ -234,12 +234,12 @@ def check_codecs(config: Config) -> None:
     """
     from carstage.codecs import codec_names
 
-    kinds = {sensor.id: sensor.kind for sensor in config.sensors}
-    for sensor_id, codec in config.conversion.codecs.items():
-        known = codec_names(kinds[sensor_id])
-        if codec not in known:
+    for _, sensor in config.located_sensors():
+        codec = config.conversion.codecs.get(sensor.id)
+        known = codec_names(sensor.kind)
+        if codec is not None and codec not in known:
             message, hint = unknown("codec", codec, known)
-            raise ConfigError(f"conversion.codecs.{sensor_id}: {message}", hint)
+            raise ConfigError(f"conversion.codecs.{sensor.id}: {message}", hint)
 
 
 def recording_of(config: Config, folder: Path | None = None) -> Source | None:

@@ -275,7 +275,7 @@ class ServerWorker:
         return {
             "plan_version": 1,
             "plugins": [
-                *plugins_of(sensor.kind for sensor in spec.sensors),
+                *plugins_of(sensor.kind for sensor in spec.streams.values()),
                 *event_plugins(spec.scenario.events),
             ],
             "driver_folders": self._setup.driver_folders,

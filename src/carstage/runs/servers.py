@@ -148,10 +148,13 @@ class ServerSetup:
 
     @property
     def driver_folders(self) -> list[str]:
-        """Where the collector looks for a class that drives, absolute; none for other drivers."""
-        driver = self._config.ego.driver
-        folders = driver.folders if isinstance(driver, ClassDriver) else ()
-        return [str(without_tilde(folder).absolute()) for folder in folders]
+        """Where the collector looks for classes that drive, absolute; none for other drivers."""
+        drivers = [driver for _, driver in self._config.located_drivers()]
+        folders = [
+            f for driver in drivers if isinstance(driver, ClassDriver) for f in driver.folders
+        ]
+        absolute = [str(without_tilde(folder).absolute()) for folder in folders]
+        return list(dict.fromkeys(absolute))
 
     @property
     def program(self) -> dict[str, Any]:
@@ -236,7 +239,7 @@ class ServerSetup:
 
     def _find_client(self, version: str) -> ClientPython:
         server = self._config.server
-        reason = refusal(version, {s.kind: s.row.since for s in self._config.sensors})
+        reason = refusal(version, {s.kind: s.row.since for _, s in self._config.located_sensors()})
         if reason:
             raise BadInputError(
                 f"server: {reason}.", "Use a newer CARLA, or leave such sensors out."

@@ -4,6 +4,16 @@ Planner, collector, labels, conversion and reader share this one tree of frozen 
 standard library only and runs on Python 3.8, as the collector needs it there.
 """
 
+from carstage.spec.agents import (
+    AGENT_KINDS,
+    CARRIER_BLUEPRINT,
+    MOST_AGENTS,
+    AgentSeeds,
+    AgentSpec,
+    agent_of,
+    is_agent_name,
+    stream_of,
+)
 from carstage.spec.drivers import (
     ClassDriverSpec,
     Command,
@@ -44,13 +54,18 @@ from carstage.spec.sensors import (
 from carstage.spec.timing import SavedSteps, TimingSpec
 
 __all__ = [
+    "AGENT_KINDS",
     "ATTACHMENTS",
+    "CARRIER_BLUEPRINT",
     "EGO",
     "EVENT_SPECS",
     "FOLLOW",
+    "MOST_AGENTS",
     "ON_MAP",
     "RIGID",
     "SPEC_VERSION",
+    "AgentSeeds",
+    "AgentSpec",
     "AutopilotSpec",
     "BirdsEyeSpec",
     "ClassDriverSpec",
@@ -90,6 +105,9 @@ __all__ = [
     "VehiclesSpec",
     "WeatherChange",
     "WeatherSpec",
+    "agent_of",
     "event_plugins",
+    "is_agent_name",
     "known_events",
+    "stream_of",
 ]

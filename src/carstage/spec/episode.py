@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any, Collection, Dict, Optional, Tuple
 
+from carstage.spec.agents import AgentSpec, read_agents, seen_by, stream_of
 from carstage.spec.defaults import MAX_DISTANCE_M
 from carstage.spec.fields import Fields, SpecError
 from carstage.spec.labels import GroundTruthSpec, LabelsSpec
@@ -61,6 +62,7 @@ class EpisodeSpec:
         min_lidar_points: points below which an object is not visible, where the rig has a LiDAR.
         opendrive: named hash of the map's text, where it is a file of the user's; None: the
             server's own map.
+        agents: further vehicles and roadside units with sensors of their own.
     """
 
     dialect: str
@@ -86,6 +88,7 @@ class EpisodeSpec:
     seeds: Seeds
     spec_version: int = SPEC_VERSION
     opendrive: Optional[str] = field(default=None, metadata=LEFT_OUT)
+    agents: Tuple[AgentSpec, ...] = field(default=(), metadata=LEFT_OUT)
 
     @classmethod
     def from_json(
@@ -140,6 +143,7 @@ class EpisodeSpec:
             if "min_lidar_points" in given
             else 0,
             opendrive=given.text("opendrive") if "opendrive" in given else None,
+            agents=read_agents(given, kinds),
         )
 
     def to_json(self) -> Dict[str, Any]:
@@ -191,11 +195,38 @@ class EpisodeSpec:
         """Simulated seconds of the recorded steps."""
         return self.steps / self.fps
 
+    def agent(self, name: str) -> AgentSpec:
+        """The agent of that name, which is not the ego's.
+
+        Raises:
+            KeyError: there is none.
+        """
+        for agent in self.agents:
+            if agent.name == name:
+                return agent
+        raise KeyError(name)
+
+    def agent_number(self, name: str) -> int:
+        """Number of an agent, from 1 in the order of the list."""
+        return self.agents.index(self.agent(name)) + 1
+
+    def seen_by(self, name: str) -> EpisodeSpec:
+        """This episode with one of its agents as the ego, see ``carstage.spec.agents``."""
+        return seen_by(self, name)
+
+    @property
+    def streams(self) -> Dict[str, SensorSpec]:
+        """All sensors, the ego's and the agents', by their streams in the raw log."""
+        found = {sensor.id: sensor for sensor in self.sensors}
+        for number, agent in enumerate(self.agents, 1):
+            found.update((stream_of(sensor.id, number), sensor) for sensor in agent.sensors)
+        return found
+
     def sensors_of(self, content: str) -> Tuple[SensorSpec, ...]:
-        """Sensors whose frames have that content, hidden ones too, in the order of the rig."""
+        """The ego's sensors with frames of that content, hidden ones too, in the rig's order."""
         return tuple(sensor for sensor in self.sensors if sensor.content == content)
 
     @property
     def written_sensors(self) -> Tuple[SensorSpec, ...]:
-        """Sensors of the dataset: those that are not hidden."""
+        """The ego's sensors that the dataset has: those that are not hidden."""
         return tuple(sensor for sensor in self.sensors if not sensor.hidden)

@@ -94,14 +94,16 @@ class WeatherSpec:
 
 @dataclass(frozen=True)
 class EgoSpec:
-    """The vehicle that carries the sensors.
+    """What carries the sensors of the ego, or of an agent beside it.
 
     Attributes:
         blueprint: CARLA's id.
         color: red, green, blue from 0 to 255; None: one that the blueprint recommends.
-        spawn_index: the spawn point it begins at; None with ``spawn_place``.
+        spawn_index: the spawn point it begins at; None with ``spawn_place`` and ``near_ego``.
         spawn_place: or where else it begins.
         driver: who drives it; None: the Traffic Manager, or what the scenario says.
+        near_ego: of an agent: it begins at the free spawn point that is nearest to the ego's.
+        is_vehicle: false for what carries the sensors of an agent that is none.
     """
 
     blueprint: str
@@ -109,10 +111,14 @@ class EgoSpec:
     spawn_index: Optional[int]
     spawn_place: Optional[Stand]
     driver: Optional[DriverSpec] = field(default=None, metadata=LEFT_OUT)
+    near_ego: bool = field(default=False, metadata=LEFT_OUT)
+    is_vehicle: bool = field(default=True, metadata=LEFT_OUT)
 
     @classmethod
     def read(cls, fields: Fields) -> EgoSpec:
         """Check and read the section."""
+        near_ego = fields.flag("near_ego") if "near_ego" in fields else False
+        is_vehicle = fields.flag("is_vehicle") if "is_vehicle" in fields else True
         place = fields.object("spawn_place") if "spawn_place" in fields else None
         color = fields.list("color") if "color" in fields else None
         if color is not None and (
@@ -123,9 +129,13 @@ class EgoSpec:
         return cls(
             blueprint=fields.text("blueprint"),
             color=None if color is None else (color[0], color[1], color[2]),
-            spawn_index=fields.integer("spawn_index", 0) if place is None else None,
+            spawn_index=fields.integer("spawn_index", 0)
+            if place is None and is_vehicle and not near_ego
+            else None,
             spawn_place=None
             if place is None
             else Stand(*(place.number(name) for name in ("x_m", "y_m", "z_m", "yaw_deg"))),
             driver=read_driver(fields.object("driver")) if "driver" in fields else None,
+            near_ego=near_ego,
+            is_vehicle=is_vehicle,
         )

@@ -30,6 +30,12 @@ class PoseSpec:
     yaw_deg: float
 
 
+def read_pose(fields: Fields) -> PoseSpec:
+    """Check and read a pose."""
+    names = ("x_m", "y_m", "z_m", "roll_deg", "pitch_deg", "yaw_deg")
+    return PoseSpec(*(fields.number(name) for name in names))
+
+
 @dataclass(frozen=True)
 class SensorSpec:
     """A sensor to spawn.
@@ -40,7 +46,8 @@ class SensorSpec:
         hidden: recorded for the labels only, not part of the dataset.
         labelled: a camera that gets labels.
         attributes: CARLA's attribute strings.
-        attach_to: ``ego``, ``world`` or a pattern of actor types.
+        attach_to: ``ego``, ``world`` or a pattern of actor types; of an agent's sensor, ``ego`` is
+            the agent.
         attach_index: which actor of that pattern, by distance from the ego at the start.
         attachment: ``rigid``, ``follow``, ``spring_arm`` or ``spring_arm_ghost``.
         depth, instance: of a labelled camera: ids of the sensors with its pose and intrinsics.
@@ -77,19 +84,13 @@ class SensorSpec:
     @classmethod
     def read(cls, fields: Fields, kinds: Optional[Collection[str]]) -> SensorSpec:
         """Check and read one sensor; ``kinds`` are those that are known, None: any."""
-        pose = fields.object("pose")
         return cls(
             id=fields.text("id"),
             kind=fields.text("kind", tuple(sorted(kinds)) if kinds is not None else ()),
             blueprint=fields.text("blueprint"),
             hidden=fields.flag("hidden") if "hidden" in fields else False,
             labelled=fields.flag("labelled") if "labelled" in fields else False,
-            pose=PoseSpec(
-                *(
-                    pose.number(name)
-                    for name in ("x_m", "y_m", "z_m", "roll_deg", "pitch_deg", "yaw_deg")
-                )
-            ),
+            pose=read_pose(fields.object("pose")),
             attributes=fields.object("attributes").texts(),
             attach_to=fields.text("attach_to") if "attach_to" in fields else EGO,
             attach_index=fields.integer("attach_index", 0) if "attach_index" in fields else 0,

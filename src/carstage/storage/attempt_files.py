@@ -124,6 +124,57 @@ class FolderFiles(AttemptFiles):
             shutil.rmtree(self.folder)
 
 
+class FilesBelow(AttemptFiles):
+    """The files of an attempt below one of its folders; names are relative to that.
+
+    Entries name files of the attempt, as its marker lists them.
+
+    Args:
+        files: the whole attempt's.
+        folder: POSIX path relative to the attempt.
+    """
+
+    def __init__(self, files: AttemptFiles, folder: str) -> None:
+        self._files = files
+        self._prefix = f"{folder}/"
+
+    @contextmanager
+    def stream(self) -> Iterator[FileWriter]:
+        """See ``AttemptFiles.stream``."""
+        with self._files.stream() as files:
+            yield _WriterBelow(files, self._prefix)
+
+    def whole(self, name: str) -> AbstractContextManager[Path]:
+        """See ``AttemptFiles.whole``."""
+        return self._files.whole(self._prefix + name)
+
+    def names(self) -> list[str]:
+        """See ``AttemptFiles.names``."""
+        prefix = self._prefix
+        return [n.removeprefix(prefix) for n in self._files.names() if n.startswith(prefix)]
+
+    def holds(self, entry: FileEntry) -> bool:
+        """See ``AttemptFiles.holds``."""
+        return entry.path.startswith(self._prefix) and self._files.holds(entry)
+
+    def remove(self, names: Iterable[str]) -> None:
+        """See ``AttemptFiles.remove``."""
+        self._files.remove(self._prefix + name for name in names)
+
+    def discard(self) -> None:
+        """Remove all files below the folder."""
+        self.remove(self.names())
+
+
+class _WriterBelow:
+    def __init__(self, files: FileWriter, prefix: str) -> None:
+        self._files = files
+        self._prefix = prefix
+
+    def write(self, name: str, content: bytes | memoryview) -> FileEntry:
+        return self._files.write(self._prefix + name, content)
+
+
 class _FolderWriter:
     def __init__(self, folder: Path, files: FileStream) -> None:
         self._folder = folder

@@ -11,6 +11,14 @@ ATTEMPT = re.compile(r"a([1-9][0-9]*)")
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 """Of an episode or an attempt: it cannot lead out of the dataset."""
 
+AGENTS = "agents"
+"""Folder of an episode that holds one folder for each agent beside the ego."""
+
+
+def agent_folder(name: str) -> str:
+    """Folder of an agent beside the ego, relative to the episode's."""
+    return f"{AGENTS}/{name}"
+
 
 def check_attempt(episode_id: str, attempt: str) -> None:
     """Refuse names that could lead out of the dataset.

@@ -37,6 +37,7 @@ _NOT_DEFAULT: dict[str, Any] = {
     "class_map": ClassMap.of({"car": "Car"}),
     "keyframes_hz": 1.0,
     "nuscenes_locations": True,
+    "agent": "car2",
 }
 
 
@@ -82,10 +83,11 @@ class ExporterTests:
 
     def test_it_refuses_the_options_that_it_does_not_use(self) -> None:
         uses = exporters()[self.name].uses
+        whole_fleet = exporters()[self.name].with_agents
         assert uses <= set(_NOT_DEFAULT)
         for option, value in _NOT_DEFAULT.items():
             options = ExportOptions(**{option: value})
-            if option in uses:
+            if option in uses or (option == "agent" and not whole_fleet):
                 exporter_for(self.name, options)
             else:
                 with pytest.raises(BadInputError, match="does not use"):

@@ -7,12 +7,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from carstage.dataset.reading import Dataset
+from carstage.dataset.reading import Dataset, Episode
 from carstage.errors import CarStageError
 from carstage.storage.remote_path import DatasetPath
 from carstage.validation.checks.catalogue import RULES
 from carstage.validation.checks.episode import EpisodeChecks, Figures
 from carstage.validation.checks.findings import Findings, Problem, Severity
+from carstage.validation.checks.fleet import check_fleet
 from carstage.validation.checks.maps import MapChecks
 from carstage.validation.checks.pictures import check_repeated_episodes
 from carstage.validation.checks.population import check_population
@@ -66,6 +67,14 @@ class ValidationReport:
         )
 
 
+def _views(episode: Episode) -> tuple[Episode, ...]:
+    """The episode as the ego's and as each agent's; the former alone where it is not readable."""
+    try:
+        return episode.views
+    except CarStageError:
+        return (episode,)
+
+
 def validate_dataset(
     path: str | DatasetPath, *, progress: Callable[[int, int], None] | None = None
 ) -> ValidationReport:
@@ -82,22 +91,35 @@ def validate_dataset(
         DatasetError: the folder is no dataset, of another format version, or a marker is damaged.
     """
     dataset = Dataset(path)
-    total = sum(episode.frames for episode in dataset.episodes)
+    views = [view for episode in dataset.episodes for view in _views(episode)]
+    total = sum(view.frames for view in views)
     figures = Figures()
     everything: list[Findings] = []
     maps, vector_maps = MapChecks(), VectorMapChecks()
+    done = 0
+    for view in views:
+        findings = Findings(view.id, view.agent_name)
+        everything.append(findings)
+        checks = EpisodeChecks(view, findings, figures)
+        before = figures.frames
+
+        def advance(others: int = done - before) -> None:
+            if progress:
+                progress(others + figures.frames, total)
+
+        try:
+            checks.run(advance)
+        except CarStageError as error:
+            findings.add("unreadable", str(error))
+        done += view.frames
+        # An episode's frames count once, however many agents look at them.
+        figures.frames = before + (view.frames if view.agent_name is None else 0)
+        maps.check(view, findings)
+        vector_maps.check(view, findings)
     for episode in dataset.episodes:
         findings = Findings(episode.id)
         everything.append(findings)
-        checks = EpisodeChecks(episode, findings, figures)
-        before = figures.frames
-        try:
-            checks.run(lambda: progress(figures.frames, total) if progress else None)
-        except CarStageError as error:
-            findings.add("unreadable", str(error))
-            figures.frames = before + episode.frames
-        maps.check(episode, findings)
-        vector_maps.check(episode, findings)
+        check_fleet(episode, findings)
     findings = Findings(None)
     everything.append(findings)
     if not dataset.episodes:

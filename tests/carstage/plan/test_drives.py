@@ -64,6 +64,14 @@ def test_a_drive_of_another_rate_or_too_short_is_refused(
     assert caught.value.message.startswith(message)
 
 
+def test_a_drive_of_a_fleet_is_refused() -> None:
+    agent = "{name: car2, rig: {sensors: [{id: CAM, kind: rgb}]}}"
+    config = parse_config(OLD.replace("episodes: 3", f"episodes: 3, agents: [{agent}]"))
+    fleet = Drive(plan_episodes(config, FACTS)[0], (Command(0.0, 0.0, 0.0, 0, 0, 0, 1),) * 8)
+    with pytest.raises(ConfigError, match=r"^ego\.driver\.episode: agents drove beside the ego"):
+        again(fleet)
+
+
 def test_a_server_without_its_map_is_refused(drive: Drive) -> None:
     with pytest.raises(ConfigError, match=r"^ego\.driver\.episode: unknown map 'Stage02'"):
         again(drive, facts=ServerFacts(maps={"Stage01": 100}))

@@ -1,4 +1,4 @@
-"""The ego's driver at work: asked ahead of each step, applied, and noted."""
+"""A driver at work, the ego's or an agent's: asked ahead of each step, applied, and noted."""
 
 from __future__ import annotations
 
@@ -77,15 +77,16 @@ def command_of(control: Any) -> Command:
 
 
 class EgoDriving:
-    """Has a driver drive the ego.
+    """Has a driver drive the ego, or an agent's vehicle.
 
     Args:
         session: the episode's world; the driver is stopped before it is given back.
-        spec: the episode; it has a driver.
+        spec: the episode; it has a driver. Of an agent, as the agent sees it.
         driver: who drives.
         ego: ``carla.Vehicle``.
-        rig: the sensors; nobody listens to them yet.
+        rig: its sensors; nobody listens to them yet.
         timeout_s: how long data of a sensor are waited for.
+        field: of the configuration, where errors name the driver.
 
     Raises:
         DriverError: the driver looks at a sensor that there is none of.
@@ -99,10 +100,12 @@ class EgoDriving:
         ego: Any,
         rig: Rig,
         timeout_s: float,
+        field: str = "ego.driver",
     ) -> None:
         planned = spec.ego.driver
         assert planned is not None
         self._session = session
+        self._field = field
         self._driver = driver
         self._name = planned.name if isinstance(planned, ClassDriverSpec) else planned.kind
         self._ego = ego
@@ -113,8 +116,8 @@ class EgoDriving:
         unknown = sorted(set(driver.sensors) - set(rig.actors))
         if unknown:
             raise DriverError(
-                "ego.driver: %s looks at sensor %s, which the rig lacks."
-                % (self._name, ", ".join(unknown)),
+                "%s: %s looks at sensor %s, which the rig lacks."
+                % (field, self._name, ", ".join(unknown)),
                 "The rig has: %s." % ", ".join(rig.actors),
             )
         rig.watch(self._data.callbacks())
@@ -145,15 +148,15 @@ class EgoDriving:
             control = self._driver.drive(observation)
         if not isinstance(control, carla.VehicleControl):
             raise DriverError(
-                "ego.driver: %s returned %.60r %s." % (self._name, control, when),
+                "%s: %s returned %.60r %s." % (self._field, self._name, control, when),
                 "drive returns a carla.VehicleControl.",
             )
         try:
             self._command = command_of(control)
         except ValueError as error:
             raise DriverError(
-                "ego.driver: %s returned a control out of range %s: %s."
-                % (self._name, when, error),
+                "%s: %s returned a control out of range %s: %s."
+                % (self._field, self._name, when, error),
                 "Clamp what drive returns.",
             ) from error
         # A copy: the driver may change its own while this one is noted.

@@ -27,6 +27,7 @@ from carstage.collector.maps import geo_reference
 from carstage.collector.paths import prepare_folder
 from carstage.collector.processing import POLL_S, ByteBudget, Pipeline
 from carstage.collector.sensors import sensor_of
+from carstage.collector.sensors.rig import Rig
 from carstage.collector.timing import (
     Tick,
     patience_s,
@@ -85,7 +86,7 @@ class EpisodeRecorder:
             RuntimeError: the server stopped answering.
         """
         self._stop.check()
-        driver = self._driver(episode.spec)  # before the server does anything
+        drivers = self._drivers(episode.spec)  # before the server does anything
         folder = prepare_folder(episode.folder)
         self._events.emit(
             "episode_started",
@@ -104,7 +105,7 @@ class EpisodeRecorder:
                 spec=episode.spec,
                 server=server,
                 check=self._stop.check,
-                driver=driver,
+                drivers=drivers,
                 program=self._plan.program,
             )
             self._events.emit(
@@ -115,11 +116,14 @@ class EpisodeRecorder:
             )
             return self._record_scene(stack, session, scene, episode, folder)
 
-    def _driver(self, spec: EpisodeSpec) -> Optional[Driver]:
-        """The ego's driver; None: the Traffic Manager drives, or nobody."""
-        if spec.ego.driver is None:
-            return None
-        return make_driver(spec.ego.driver, self._plan.driver_folders, spec.step_s)
+    def _drivers(self, spec: EpisodeSpec) -> Dict[str, Driver]:
+        """Who drives, by the agent's name, "" the ego's; not the Traffic Manager."""
+        planned = {"": spec.ego.driver, **{agent.name: agent.ego.driver for agent in spec.agents}}
+        return {
+            name: make_driver(driver, self._plan.driver_folders, spec.step_s)
+            for name, driver in planned.items()
+            if driver is not None
+        }
 
     def _record_scene(
         self,
@@ -130,10 +134,11 @@ class EpisodeRecorder:
         folder: str,
     ) -> Recorded:
         spec = episode.spec
-        bytes_per_tick = dict(scene.rig.expected_bytes)
+        of_sensors = scene.expected_bytes
+        bytes_per_tick = dict(of_sensors)
         bytes_per_tick[WORLD] = ACTOR_RECORD.size * EXPECTED_ACTORS
         segment_ticks = ticks_per_segment(spec.fps, bytes_per_tick.values())
-        budget = ByteBudget(self._plan.queue_bytes, sum(scene.rig.expected_bytes.values()))
+        budget = ByteBudget(self._plan.queue_bytes, sum(of_sensors.values()))
         failures: List[BaseException] = []
         writers = stack.enter_context(
             LogWriters(
@@ -144,16 +149,16 @@ class EpisodeRecorder:
                 budget.give_back,
                 lambda sealed: self._announce(episode, sealed),
                 failures.append,
-                self._stores(spec, scene.rig.expected_bytes),
+                self._stores(spec, of_sensors),
                 self._plan.durable,
             )
         )
         pipeline = stack.enter_context(
             Pipeline(
-                {sensor.id: sensor_of(sensor.kind) for sensor in spec.sensors},
+                {stream: sensor_of(sensor.kind) for stream, sensor in spec.streams.items()},
                 writers,
                 FrameMatcher(
-                    [sensor.id for sensor in spec.sensors],
+                    list(spec.streams),
                     patience_s(spec.timing, self._plan.server.timeout_s),
                     not spec.timing.demands_all,
                     not spec.timing.sensor_sync,
@@ -165,14 +170,12 @@ class EpisodeRecorder:
                 failures=failures,
             )
         )
-        stack.callback(scene.rig.stop)
+        stack.callback(scene.stop_listening)
         # Before the server's clock counts: texts of large towns have many megabytes.
         map_crc32 = write_map_file(folder, session.map.to_opendrive())
         listening_ticks = self._plan.sensor_warmup_ticks
         warm_up(scene, pipeline, episode, listening_ticks, self._events, self._stop)
-        observer = WorldObserver(
-            session.world, scene.ego, level_objects(session.world, spec.labels.level_objects)
-        )
+        observer = _observer(session, scene, spec)
         saved = SavedFrames(spec.saved)
         for tick, step in self._ticks(scene, pipeline, spec.steps):
             if tick == 0:
@@ -182,9 +185,7 @@ class EpisodeRecorder:
             k = saved.index(tick) if seen else None
             moment: Optional[WorldMoment] = None
             if seen:
-                moment = observer.observe(
-                    step.snapshot, session.weather.values, scene.event_states(), scene.command()
-                )
+                moment = _moment(observer, step, session, scene)
             pipeline.expect(
                 ExpectedFrame(tick, step.frame, step.timestamp_s, k, step.tick_s, moment, seen)
             )
@@ -201,13 +202,13 @@ class EpisodeRecorder:
         return Recorded(spec.steps, pipeline.incomplete_ticks)
 
     def _stores(self, spec: EpisodeSpec, bytes_per_tick: Mapping[str, int]) -> Dict[str, str]:
-        """Where payloads go that are not in their records; by sensor."""
+        """Where payloads go that are not in their records; by stream."""
         stores = {}
-        for sensor in spec.sensors:
+        for stream, sensor in spec.streams.items():
             if sensor_of(sensor.kind).one_size and self._plan.raw_store != CHUNKLOG:
-                stores[sensor.id] = self._plan.raw_store
-            elif not self._plan.durable and bytes_per_tick[sensor.id] >= LARGE_BYTES:
-                stores[sensor.id] = BLOCKS  # segments are removed as they are read
+                stores[stream] = self._plan.raw_store
+            elif not self._plan.durable and bytes_per_tick[stream] >= LARGE_BYTES:
+                stores[stream] = BLOCKS  # segments are removed as they are read
         return stores
 
     def _ticks(self, scene: Scene, pipeline: Pipeline, steps: int) -> Iterator[Tuple[int, Tick]]:
@@ -269,14 +270,47 @@ class EpisodeRecorder:
                 session.map,
                 self._plan.server.gnss or gnss_convention(self._versions.server),
             ),
-            "ego_id": scene.ego.id,
-            "sensor_actor_ids": {name: actor.id for name, actor in scene.rig.actors.items()},
-            "sensor_carrier_ids": scene.rig.carrier_ids,
-            "sensor_attributes": {
-                name: dict(actor.attributes) for name, actor in scene.rig.actors.items()
-            },
+            **_rig_entries(scene.ego, scene.rig),
+            **(
+                {"agents": {one.name: _rig_entries(one.actor, one.rig) for one in scene.agents}}
+                if scene.agents
+                else {}
+            ),
             "first_frame": first.frame,
             "first_timestamp_s": first.timestamp_s,
             "requested": scene.requested,
             "spawned": scene.spawned,
         }
+
+
+def _observer(session: WorldSession, scene: Scene, spec: EpisodeSpec) -> WorldObserver:
+    """What reads the world after each tick."""
+    return WorldObserver(
+        session.world,
+        scene.ego,
+        level_objects(session.world, spec.labels.level_objects),
+        {agent.name: agent.actor for agent in scene.agents if agent.is_vehicle},
+    )
+
+
+def _moment(
+    observer: WorldObserver, step: Tick, session: WorldSession, scene: Scene
+) -> WorldMoment:
+    """The truth of a tick."""
+    return observer.observe(
+        step.snapshot,
+        session.weather.values,
+        scene.event_states(),
+        scene.command(),
+        {agent.name: agent.command for agent in scene.agents},
+    )
+
+
+def _rig_entries(actor: Any, rig: Rig) -> Dict[str, Any]:
+    """What the header says of the ego, or of an agent, and of its sensors."""
+    return {
+        "ego_id": actor.id,
+        "sensor_actor_ids": {name: sensor.id for name, sensor in rig.actors.items()},
+        "sensor_carrier_ids": rig.carrier_ids,
+        "sensor_attributes": {name: dict(one.attributes) for name, one in rig.actors.items()},
+    }

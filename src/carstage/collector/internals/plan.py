@@ -15,7 +15,7 @@ from carstage.rawlog.format import LEDGER, WORLD, check_stream_name
 from carstage.rawlog.writing import RAW_STORES
 from carstage.releases import NORTHS, PROJECTIONS, GnssConvention
 from carstage.sensor_kinds import import_plugins, registered_kinds
-from carstage.spec import EpisodeSpec, Fields, SpecError
+from carstage.spec import EpisodeSpec, Fields, SpecError, stream_of
 from carstage.spec.defaults import QUEUE_BYTES, RAW_STORE
 
 PLAN_VERSION = 1
@@ -188,13 +188,21 @@ def _import_plugins(plan: Fields) -> None:
 def _episode(fields: Fields) -> EpisodePlan:
     path = fields.path("spec")
     spec = EpisodeSpec.from_json(fields.any("spec"), path, kinds=registered_kinds())
-    for index, sensor in enumerate(spec.sensors):
-        try:
-            check_stream_name(sensor.id)
-        except ValueError as error:
-            raise PlanError("%s.sensors[%d].id: %s." % (path, index, error)) from error
-        if sensor.id in (WORLD, LEDGER):
-            raise PlanError("%s.sensors[%d].id: %r is taken already." % (path, index, sensor.id))
+    lists = [("sensors", spec.sensors, 0)]
+    lists += [
+        ("agents[%d].sensors" % (number - 1), agent.sensors, number)
+        for number, agent in enumerate(spec.agents, 1)
+    ]
+    for place, sensors, number in lists:
+        for index, sensor in enumerate(sensors):
+            try:
+                check_stream_name(stream_of(sensor.id, number) if number else sensor.id)
+            except ValueError as error:
+                raise PlanError("%s.%s[%d].id: %s." % (path, place, index, error)) from error
+            if sensor.id in (WORLD, LEDGER):
+                raise PlanError(
+                    "%s.%s[%d].id: %r is taken already." % (path, place, index, sensor.id)
+                )
     return EpisodePlan(
         episode_id=fields.text("episode_id"),
         attempt=fields.text("attempt"),

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Callable, Dict, List, Optional
+from types import MappingProxyType
+from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence
 
 from carstage.collector.drivers.base import Driver
 from carstage.collector.drivers.driving import EgoDriving
@@ -13,7 +14,36 @@ from carstage.collector.scenario.events import EventRunner, check_map
 from carstage.collector.sensors.rig import Rig
 from carstage.collector.timing import CLOCKS, Clock, Tick
 from carstage.collector.world import WorldSession
-from carstage.spec import EpisodeSpec
+from carstage.spec import EpisodeSpec, stream_of
+
+
+class Party(NamedTuple):
+    """The ego or an agent at work: what carries its sensors, they themselves, and who drives it.
+
+    Attributes:
+        name: of the agent; empty: the ego.
+        number: of the agent, from 1; 0: the ego.
+        actor: ``carla.Actor``.
+        is_vehicle: whether it is a ``carla.Vehicle``.
+        rig: its sensors.
+        driving: its driver at work; None: the Traffic Manager drives, or nobody.
+    """
+
+    name: str
+    number: int
+    actor: Any
+    is_vehicle: bool
+    rig: Rig
+    driving: Optional[EgoDriving]
+
+    def stream(self, sensor_id: str) -> str:
+        """Stream of the raw log that one of its sensors is recorded in."""
+        return stream_of(sensor_id, self.number) if self.number else sensor_id
+
+    @property
+    def command(self) -> Optional[List[Any]]:
+        """What its driver commanded for the last step; None: it has none of its own."""
+        return None if self.driving is None else self.driving.command
 
 
 class Scene:
@@ -23,11 +53,10 @@ class Scene:
         session: the episode's world.
         clock: makes or awaits steps.
         scenario: moves who is moved by us.
-        rig: the sensors.
+        parties: the ego, then the agents.
         population: who was spawned.
         step_s: simulated time of a step.
         event_runner: what happens to the ego beside the scenario.
-        driving: the ego's driver at work; None: the Traffic Manager drives, or nobody.
     """
 
     def __init__(
@@ -35,19 +64,17 @@ class Scene:
         session: WorldSession,
         clock: Clock,
         scenario: Scenario,
-        rig: Rig,
+        parties: Sequence[Party],
         population: Population,
         step_s: float,
         event_runner: EventRunner,
-        driving: Optional[EgoDriving],
     ) -> None:
         self._session = session
         self._clock = clock
         self._scenario = scenario
         self._step_s = step_s
         self._event_runner = event_runner
-        self._driving = driving
-        self.rig = rig
+        self._parties = tuple(parties)
         self.ego: Any = population.ego
         self.requested: Dict[str, int] = population.requested
         self.spawned: Dict[str, int] = population.spawned
@@ -63,9 +90,10 @@ class Scene:
         self._session.weather.advance((tick or 0) * self._step_s)
         self._scenario.before_step(tick)
         self._event_runner.before_step(tick)
-        if self._driving is not None:
-            self._driving.before_step(tick)
-        self.rig.move_followers()
+        for party in self._parties:
+            if party.driving is not None:
+                party.driving.before_step(tick)
+            party.rig.move_followers()
         return self._clock.step()
 
     def event_states(self) -> Optional[List[Dict[str, Any]]]:
@@ -74,7 +102,36 @@ class Scene:
 
     def command(self) -> Optional[List[Any]]:
         """What the ego's driver commanded for the last step; None: it has none of its own."""
-        return None if self._driving is None else self._driving.command
+        return self._parties[0].command
+
+    @property
+    def rig(self) -> Rig:
+        """The ego's sensors."""
+        return self._parties[0].rig
+
+    @property
+    def agents(self) -> Sequence[Party]:
+        """The agents beside the ego."""
+        return self._parties[1:]
+
+    @property
+    def expected_bytes(self) -> Dict[str, int]:
+        """Upper estimate of one tick's payload, by stream, of all sensors."""
+        return {
+            party.stream(name): size
+            for party in self._parties
+            for name, size in party.rig.expected_bytes.items()
+        }
+
+    def listen(self, callback: Callable[[str], Callable[[Any], None]]) -> None:
+        """Listen to all sensors; ``callback`` gives what takes the data of a stream."""
+        for party in self._parties:
+            party.rig.listen({name: callback(party.stream(name)) for name in party.rig.actors})
+
+    def stop_listening(self) -> None:
+        """Stop listening; stopping what never listened does nothing."""
+        for party in self._parties:
+            party.rig.stop()
 
 
 def build_scene(
@@ -83,7 +140,7 @@ def build_scene(
     spec: EpisodeSpec,
     server: ServerPlan,
     check: Callable[[], None],
-    driver: Optional[Driver] = None,
+    drivers: Mapping[str, Driver] = MappingProxyType({}),
     program: Optional[ProgramPlan] = None,
 ) -> Scene:
     """Spawn everybody and everything, in an order that depends on the plan alone.
@@ -94,7 +151,7 @@ def build_scene(
         spec: the episode.
         server: for its timeout and the Traffic Manager's port.
         check: called between long stretches; raises when somebody asks to end.
-        driver: of the ego; None: the Traffic Manager drives, or nobody.
+        drivers: by name of the agent, ``""`` of the ego; of others the Traffic Manager, or nobody.
         program: of scenario ``scenic`` or ``openscenario``.
 
     Raises:
@@ -112,9 +169,30 @@ def build_scene(
     clock = CLOCKS[spec.timing.synchronous](session.world, server.timeout_s, watch)
     clock.step()  # so that the client knows what was spawned
     scenario.start(population)
-    rig = Rig(session, spec, population.ego)
-    driving = None
-    if driver is not None:
-        driving = EgoDriving(session, spec, driver, population.ego, rig, server.timeout_s)
+    parties = [
+        _party(session, spec, server, drivers, name, number, actor)
+        for number, (name, actor) in enumerate(
+            [("", population.ego), *((a.spec.name, a.actor) for a in population.agents)]
+        )
+    ]
     event_runner = EventRunner(session, spec, population, server.traffic_manager_port)
-    return Scene(session, clock, scenario, rig, population, spec.step_s, event_runner, driving)
+    return Scene(session, clock, scenario, parties, population, spec.step_s, event_runner)
+
+
+def _party(
+    session: WorldSession,
+    spec: EpisodeSpec,
+    server: ServerPlan,
+    drivers: Mapping[str, Driver],
+    name: str,
+    number: int,
+    actor: Any,
+) -> Party:
+    """Spawn the sensors of the ego or an agent, and give its driver the vehicle."""
+    own, path = (spec, "") if not number else (spec.seen_by(name), "agents[%d]." % (number - 1))
+    rig = Rig(session, own, actor, path)
+    driving = None
+    if name in drivers:
+        field = "%s.driver" % (path.rstrip(".") or "ego")
+        driving = EgoDriving(session, own, drivers[name], actor, rig, server.timeout_s, field)
+    return Party(name, number, actor, own.ego.is_vehicle, rig, driving)

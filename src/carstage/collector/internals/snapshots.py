@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
 from typing import Any, Dict, Iterable, List, Mapping, Optional, Sequence, Set, Tuple
 
 from carstage.rawlog.format import ACTOR_RECORD
@@ -102,13 +103,19 @@ class WorldObserver:
         world: ``carla.World``.
         ego: the ego's ``carla.Vehicle``.
         level_objects: what the level holds, noted with the first tick.
+        agents: ``carla.Vehicle`` of each further agent that has one, by its name.
     """
 
     def __init__(
-        self, world: Any, ego: Any, level_objects: Sequence[Mapping[str, Any]] = ()
+        self,
+        world: Any,
+        ego: Any,
+        level_objects: Sequence[Mapping[str, Any]] = (),
+        agents: Mapping[str, Any] = MappingProxyType({}),
     ) -> None:
         self._world = world
         self._ego = ego
+        self._agents = agents
         self._level_objects = level_objects
         self._known: Set[int] = set()
         self._traffic_lights: List[Any] = []
@@ -119,6 +126,7 @@ class WorldObserver:
         weather: Mapping[str, float],
         events: Optional[Sequence[Mapping[str, Any]]] = None,
         command: Optional[Sequence[Any]] = None,
+        agents: Mapping[str, Optional[Sequence[Any]]] = MappingProxyType({}),
     ) -> WorldMoment:
         """Take the truth of the tick that ``snapshot`` belongs to, before the next one.
 
@@ -127,6 +135,7 @@ class WorldObserver:
             weather: the values that the tick was made with.
             events: how the planned events stood; None: none are planned.
             command: what the ego's driver commanded, as ``Command``; None: it has none of its own.
+            agents: of each further agent by name, what its driver commanded, likewise.
         """
         new_actors = self._new_actors(snapshot)
         states = self.states()
@@ -134,6 +143,10 @@ class WorldObserver:
             states["events"] = list(events)
         if command is not None:
             states["driver"] = list(command)
+        if agents:
+            states["agents"] = {
+                name: self._agent_state(name, commanded) for name, commanded in agents.items()
+            }
         return self._moment(snapshot, weather, new_actors, states, self.vehicle_lights())
 
     def watch_lights(self, lights: Iterable[Any]) -> None:
@@ -155,23 +168,17 @@ class WorldObserver:
 
         Nothing is asked of the server.
         """
-        control = self._ego.get_control()
         return {
-            "ego": {
-                "id": self._ego.id,
-                "throttle": control.throttle,
-                "steer": control.steer,
-                "brake": control.brake,
-                "hand_brake": control.hand_brake,
-                "reverse": control.reverse,
-                "gear": control.gear,
-                "speed_limit_kmh": self._ego.get_speed_limit(),
-                "traffic_light_state": str(self._ego.get_traffic_light_state()),
-            },
+            "ego": _vehicle_state(self._ego),
             "traffic_lights": {
                 str(light.id): str(light.get_state()) for light in self._traffic_lights
             },
         }
+
+    def _agent_state(self, name: str, commanded: Optional[Sequence[Any]]) -> Dict[str, Any]:
+        """What is noted of an agent beside its place, with the keys that the ego has."""
+        state = {"ego": _vehicle_state(self._agents[name])} if name in self._agents else {}
+        return state if commanded is None else {**state, "driver": list(commanded)}
 
     def vehicle_lights(self) -> Dict[str, int]:
         """Ask the server which lights of which vehicles are on, by actor id."""
@@ -212,7 +219,9 @@ class WorldObserver:
             "vehicle_lights": vehicle_lights,
             "traffic_lights": states["traffic_lights"],
         }
-        meta.update({name: states[name] for name in ("events", "driver") if name in states})
+        meta.update(
+            {name: states[name] for name in ("events", "driver", "agents") if name in states}
+        )
         level_objects, self._level_objects = self._level_objects, ()
         return WorldMoment(snapshot, meta, new_actors, level_objects)
 
@@ -224,6 +233,22 @@ class WorldObserver:
         actors = sorted(self._world.get_actors(new), key=lambda actor: int(actor.id))
         self.watch_lights(actor for actor in actors if actor.type_id == "traffic.traffic_light")
         return [actor_row(actor) for actor in actors]
+
+
+def _vehicle_state(vehicle: Any) -> Dict[str, Any]:
+    """What the client knows of a ``carla.Vehicle`` in its newest frame, beside its place."""
+    control = vehicle.get_control()
+    return {
+        "id": vehicle.id,
+        "throttle": control.throttle,
+        "steer": control.steer,
+        "brake": control.brake,
+        "hand_brake": control.hand_brake,
+        "reverse": control.reverse,
+        "gear": control.gear,
+        "speed_limit_kmh": vehicle.get_speed_limit(),
+        "traffic_light_state": str(vehicle.get_traffic_light_state()),
+    }
 
 
 def actor_row(actor: Any) -> Dict[str, Any]:

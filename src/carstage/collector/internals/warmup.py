@@ -53,7 +53,7 @@ def warm_up(
         stop.check()
         pipeline.check()
         if number == begin_listening:
-            scene.rig.listen({sensor.id: pipeline.callback(sensor.id) for sensor in spec.sensors})
+            scene.listen(pipeline.callback)
         if number == ticks:
             break
         frame = scene.step(None).frame

@@ -11,7 +11,11 @@ from carstage.collector.internals.plan import ProgramPlan, ServerPlan
 from carstage.collector.maps import spawn_points
 from carstage.collector.scenario.base import Population, Scenario, scenario
 from carstage.collector.scenario.routing import RoadGraph
-from carstage.collector.scenario.traffic import TrafficDriver, driven_by_traffic
+from carstage.collector.scenario.traffic import (
+    TrafficDriver,
+    driven_by_others,
+    driven_by_traffic,
+)
 from carstage.collector.world import WorldSession
 from carstage.spec import EpisodeSpec, Place, RouteSpec
 
@@ -56,6 +60,7 @@ class Autopilot(Scenario):
     ) -> None:
         super().__init__(client, session, spec, server, program)
         self._driver = TrafficDriver(client, session, spec, server.traffic_manager_port)
+        self._lit: List[Any] = []
 
     def prepare(self) -> None:
         """Start the Traffic Manager."""
@@ -64,13 +69,15 @@ class Autopilot(Scenario):
     def start(self, population: Population) -> None:
         """Walkers walk, vehicles drive."""
         super().start(population)
-        self._ego = population.ego
-        self._driver.drive(driven_by_traffic(self._spec, population), population.ego)
+        ego = population.ego
+        own = self._spec.ego.driver is not None
+        self._lit = ([ego] if own else []) + driven_by_others(population)
+        self._driver.drive(driven_by_traffic(self._spec, population), ego)
 
     def before_step(self, tick: Optional[int]) -> None:
-        """Keep the lights of an ego that has a driver of its own fit for the weather."""
-        if self._spec.ego.driver is not None:
-            self._lamps.light([self._ego], self._session.weather.values)
+        """Keep the lights of vehicles that have drivers of their own fit for the weather."""
+        if self._lit:
+            self._lamps.light(self._lit, self._session.weather.values)
 
 
 @scenario("route")
@@ -109,10 +116,6 @@ class Stationary(Autopilot):
     def start(self, population: Population) -> None:
         """Everybody but the ego goes."""
         Scenario.start(self, population)
-        self._ego = population.ego
-        self._ego.apply_control(carla.VehicleControl(brake=1.0, hand_brake=True))
-        self._driver.drive(population.vehicles, population.ego)
-
-    def before_step(self, tick: Optional[int]) -> None:
-        """Keep the ego's lights fit for the weather."""
-        self._lamps.light([self._ego], self._session.weather.values)
+        population.ego.apply_control(carla.VehicleControl(brake=1.0, hand_brake=True))
+        self._lit = [population.ego, *driven_by_others(population)]
+        self._driver.drive(driven_by_traffic(self._spec, population), population.ego)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Type, TypeVar
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, Type, TypeVar
 
 from carstage.collector.actors import Walker, spawn_vehicles, spawn_walkers, start_walkers
+from carstage.collector.agents import Agent, spawn_agents
 from carstage.collector.ego import ego_start, spawn_ego
 from carstage.collector.internals.errors import SceneError
 from carstage.collector.internals.lamps import Lamps
@@ -14,13 +15,14 @@ from carstage.spec import EpisodeSpec
 
 
 class Population(NamedTuple):
-    """Who was spawned; ``requested`` counts what was asked for."""
+    """Who was spawned; ``requested`` counts what was asked for, without ego and agents."""
 
     ego: Any
     vehicles: List[Any]
     walkers: List[Walker]
     requested: Dict[str, int]
     spawned: Dict[str, int]
+    agents: Tuple[Agent, ...] = ()
 
 
 class Scenario:
@@ -64,6 +66,7 @@ class Scenario:
         spec = self._spec
         start, _ = ego_start(self._session, spec)
         ego = spawn_ego(self._session, spec)
+        agents = spawn_agents(self._session, spec, start)
         vehicles = spawn_vehicles(self._session, spec, start)
         check()
         walkers = spawn_walkers(self._session, spec, start)
@@ -73,6 +76,7 @@ class Scenario:
             walkers,
             {"vehicles": spec.vehicles.total, "pedestrians": spec.pedestrians.group.count},
             {"vehicles": len(vehicles), "pedestrians": len(walkers)},
+            agents,
         )
 
     def prepare(self) -> None:

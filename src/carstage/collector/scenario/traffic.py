@@ -10,7 +10,7 @@ import carla
 from carstage.collector.internals.lamps import DRIVING_LIGHTS
 from carstage.collector.scenario.base import Population
 from carstage.collector.world import WorldSession
-from carstage.spec import EpisodeSpec, TrafficSpec
+from carstage.spec import EpisodeSpec, StationarySpec, TrafficSpec
 
 LAW_ABIDING: Mapping[str, float] = {
     "ignore_lights_percent": 0.0,
@@ -42,9 +42,26 @@ def personalities(spec: EpisodeSpec, vehicles: List[Any], ego: Any) -> List[Dict
 
 
 def driven_by_traffic(spec: EpisodeSpec, population: Population) -> List[Any]:
-    """The vehicles that the Traffic Manager drives: the ego first, unless it has its own driver."""
-    vehicles: List[Any] = population.vehicles
-    return vehicles if spec.ego.driver is not None else [population.ego, *vehicles]
+    """The vehicles that the Traffic Manager drives: the ego first, then agents, then the others.
+
+    An ego that stands is not among them, nor is who has a driver of its own.
+    """
+    own = spec.ego.driver is not None or isinstance(spec.scenario, StationarySpec)
+    agents = [
+        agent.actor
+        for agent in population.agents
+        if agent.spec.vehicle is not None and agent.spec.vehicle.driver is None
+    ]
+    return ([] if own else [population.ego]) + agents + population.vehicles
+
+
+def driven_by_others(population: Population) -> List[Any]:
+    """The agents' vehicles that have drivers of their own."""
+    return [
+        agent.actor
+        for agent in population.agents
+        if agent.spec.vehicle is not None and agent.spec.vehicle.driver is not None
+    ]
 
 
 class TrafficDriver:

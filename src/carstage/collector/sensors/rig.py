@@ -27,13 +27,14 @@ class Rig:
     Args:
         session: the episode's world; the sensors are destroyed before it is given back.
         spec: the episode.
-        ego: the ego's ``carla.Vehicle``.
+        ego: what carries them: the ego's ``carla.Vehicle``, or an agent's actor.
+        path: in front of ``sensors`` where errors name one.
 
     Raises:
         SceneError: unknown blueprint, attribute or attachment, or nothing to attach to.
     """
 
-    def __init__(self, session: WorldSession, spec: EpisodeSpec, ego: Any) -> None:
+    def __init__(self, session: WorldSession, spec: EpisodeSpec, ego: Any, path: str = "") -> None:
         self._session = session
         library = session.world.get_blueprint_library()
         carriers = Carriers(session.world, ego)
@@ -43,12 +44,12 @@ class Rig:
         self._followers: List[Tuple[Any, Any, SensorSpec]] = []
         self._watchers: Mapping[str, Callable[[Any], None]] = {}
         for index, sensor in enumerate(spec.sensors):
-            path = "sensors[%d]" % index
-            blueprint = find_blueprint(library, sensor.blueprint, path + ".blueprint")
-            for name, value in _attributes(blueprint, sensor, spec, index):
+            place = "%ssensors[%d]" % (path, index)
+            blueprint = find_blueprint(library, sensor.blueprint, place + ".blueprint")
+            for name, value in _attributes(blueprint, sensor, spec, index, place):
                 blueprint.set_attribute(name, value)
-            carrier = carriers.carrier_of(sensor, path)
-            actor = self._spawn(blueprint, sensor, carrier, path)
+            carrier = carriers.carrier_of(sensor, place)
+            actor = self._spawn(blueprint, sensor, carrier, place)
             session.destroy_on_exit("sensor %s" % sensor.id, actor)
             self.actors[sensor.id] = actor
             self.carrier_ids[sensor.id] = 0 if carrier is None else int(carrier.id)
@@ -109,21 +110,20 @@ def _both(first: Callable[[Any], None], second: Callable[[Any], None]) -> Callab
 
 
 def _attributes(
-    blueprint: Any, sensor: SensorSpec, spec: EpisodeSpec, index: int
+    blueprint: Any, sensor: SensorSpec, spec: EpisodeSpec, index: int, place: str
 ) -> List[Tuple[str, str]]:
     """Every step and a seed where the blueprint has them, then the plan's own values.
 
     ``sensor_tick`` 0 means every step: other values drift, so that lower rates are made by saving
     every n-th step wherever sensors shall be in step.
     """
-    path = "sensors[%d].attributes" % index
     seed = (spec.seeds.sensor_noise + index) % MAX_NOISE_SEED
     defaults = {"sensor_tick": "0.0", "noise_seed": str(seed)}
     chosen = {name: value for name, value in defaults.items() if blueprint.has_attribute(name)}
     for name, value in sensor.attributes.items():
         if not blueprint.has_attribute(name):
             raise SceneError(
-                "%s: %s has no attribute %r." % (path, sensor.blueprint, name),
+                "%s.attributes: %s has no attribute %r." % (place, sensor.blueprint, name),
                 "It has: %s." % ", ".join(sorted(attribute.id for attribute in blueprint)),
             )
         chosen[name] = value

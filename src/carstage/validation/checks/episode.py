@@ -247,7 +247,7 @@ class EpisodeChecks:
         check_gaps(
             tables.objects,
             self._episode.frames,
-            ego_labelled=truth.vehicles,
+            ego_labelled=truth.vehicles and self._episode.spec.ego.is_vehicle,
             findings=self._findings,
         )
         for name, table, location in (
@@ -262,7 +262,9 @@ class EpisodeChecks:
             check_motion(name, found, self._findings)
             self._figures.motion.add(found)
         check_level_boxes(tables, self._findings)
-        check_episode_population(self._episode, tables, self._figures.population, self._findings)
+        of_ego = self._episode.agent_name is None
+        population = self._figures.population if of_ego else Population.empty()
+        check_episode_population(self._episode, tables, population, self._findings)
 
     def _check_frame(self, k: int, rows: Rows, boxes: list[LabelledBox], data: Data) -> None:
         self._check_silhouettes(k, rows, boxes, data)

@@ -16,6 +16,7 @@ from carstage.files.hashing import hash_of
 from carstage.occupancy import occupancy_name
 from carstage.storage import DatasetPath, RemotePath
 from carstage.storage.fetching import fetched_ahead
+from carstage.storage.names import agent_folder
 from carstage.storage.remote_files import remote_files
 from carstage.validation.checks.findings import Findings
 
@@ -69,7 +70,7 @@ class VerifiedFiles:
     def __init__(self, episode: Episode, findings: Findings) -> None:
         self._folder = episode.folder
         self._findings = findings
-        self._entries = {entry.path: entry for entry in episode.marker.files}
+        self._entries = {entry.path: entry for entry in episode.files}
         self._missing: set[str] = set()
         self._sizes: Mapping[str, int] = {}
         self.files = 0
@@ -177,7 +178,7 @@ def check_file_list(
         recorded: by sensor, the frames that the ledger says there is data of.
         findings: checks ``file_unlisted`` and ``file_unexpected``.
     """
-    listed = {entry.path for entry in episode.marker.files}
+    listed = {entry.path for entry in episode.files}
     promised = {*tables_of(episode), *DOCUMENTS}
     if episode.spec.labels.birds_eye is not None:
         promised.update(birds_eye_name(k) for k in range(episode.frames))
@@ -189,7 +190,8 @@ def check_file_list(
             continue
         for k in recorded[sensor.id]:
             promised.update(sensor.file_names(k))
-    present = _present(episode.folder)
+    of_agents = tuple(f"{agent_folder(name)}/" for name in episode.agents)
+    present = {name for name in _present(episode.folder) if not name.startswith(of_agents)}
     for name in sorted(promised - listed):
         findings.add("file_unlisted", f"{name} is promised by the spec, but was not committed")
     for name in sorted(listed - promised):

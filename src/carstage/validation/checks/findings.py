@@ -37,10 +37,15 @@ class Findings:
     """Collects the problems of one episode; after 25 of one check and sensor only counts.
 
     The checks are those of ``carstage.validation.checks.catalogue``.
+
+    Args:
+        episode: its id; None: the dataset as a whole.
+        agent: name of the agent beside the ego that they are about; messages begin with it.
     """
 
-    def __init__(self, episode: str | None) -> None:
+    def __init__(self, episode: str | None, agent: str | None = None) -> None:
         self.episode = episode
+        self._whose = "" if agent is None else f"agent {agent}: "
         self._problems: list[Problem] = []
         self._counts: Counter[tuple[str, Severity, str | None]] = Counter()
 
@@ -58,7 +63,8 @@ class Findings:
             raise ValueError(f"{check} is no check of the catalogue")
         self._counts[check, severity, sensor] += 1
         if self._counts[check, severity, sensor] <= _MOST_OF_ONE_KIND:
-            self._problems.append(Problem(check, severity, self.episode, frame, sensor, message))
+            said = self._whose + message
+            self._problems.append(Problem(check, severity, self.episode, frame, sensor, said))
 
     def count(self, totals: dict[str, dict[Severity, int]]) -> None:
         """Add the number of problems to totals by check and severity."""

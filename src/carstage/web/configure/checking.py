@@ -84,8 +84,8 @@ class ConfigChecker:
         return Estimate(
             episodes=config.episodes,
             frames=round(episodes.frames * scale),
-            sensors=len(config.sensors),
-            hidden_sensors=sum(sensor.hidden for sensor in episodes[0].sensors),
+            sensors=len(config.located_sensors()),
+            hidden_sensors=sum(sensor.hidden for sensor in episodes[0].streams.values()),
             dataset_bytes=estimate.dataset_bytes,
             peak_bytes=peak_bytes,
             work_bytes=work_bytes,
@@ -141,10 +141,11 @@ class ConfigChecker:
                 raise error_of([(field, error.message, error.hint)]) from error
         driver = config.ego.driver
         places: list[tuple[tuple[str, ...], str]] = []
-        if isinstance(driver, ClassDriver):
-            message = "a class of yours runs its code, which the page does not."
-            hint = "Start this run with `carstage run`."
-            raise error_of([(("ego", "driver", "name"), message, hint)])
+        for where, one in config.located_drivers():
+            if isinstance(one, ClassDriver):
+                message = "a class of yours runs its code, which the page does not."
+                hint = "Start this run with `carstage run`."
+                raise error_of([((*where, "name"), message, hint)])
         if isinstance(config.scenario, ScenicScenario | OpenScenarioScenario):
             message = "a program of yours would play it, which the page does not start."
             hint = "Start this run with `carstage run`."

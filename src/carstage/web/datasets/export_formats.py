@@ -10,6 +10,7 @@ FORMATS: Mapping[str, tuple[str, str | None]] = {
     "kitti-tracking": ("KITTI tracking", None),
     "semantickitti": ("SemanticKITTI", None),
     "nuscenes": ("nuScenes", None),
+    "opv2v": ("OPV2V (OpenCOOD)", None),
     "coco": ("COCO", None),
     "yolo": ("YOLO", None),
     "webdataset": ("WebDataset", None),

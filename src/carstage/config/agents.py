@@ -1,0 +1,169 @@
+"""Agents beside the ego: further cars and roadside units, each with a name and a rig of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Discriminator, Field, Strict, field_validator, model_validator
+
+from carstage.config.drivers import AutopilotDriver, ClassDriver, Driver, RouteDriver
+from carstage.config.fields import Section, problem, setting, shortened
+from carstage.config.rig import Rig
+from carstage.config.scene import FROM_FILES, Channel, Stand
+from carstage.config.sensors import INSTANCE_SUFFIX, LONGEST_STREAM_NAME, Pose
+from carstage.config.timing import Timing
+from carstage.spec import MOST_AGENTS, is_agent_name
+from carstage.spec.agents import AGENT_KINDS, VEHICLE
+
+if TYPE_CHECKING:
+    from carstage.config.model import Config
+
+LONGEST_AGENT_SENSOR_ID = LONGEST_STREAM_NAME - len(INSTANCE_SUFFIX) - len(f"@{MOST_AGENTS}")
+"""The raw log's streams of an agent's sensors end with the agent's number."""
+
+
+class _Agent(Section):
+    """What all agents have."""
+
+    name: str = setting(
+        title="Name",
+        description="Name of the agent, and of its folder in the episode; not `ego`.",
+        group="agents",
+    )
+    rig: Rig = setting(title="Rig", description="The agent's sensors.", group="agents")
+
+    @field_validator("name")
+    @classmethod
+    def _check_name(cls, name: str) -> str:
+        if not is_agent_name(name):
+            raise problem(
+                f"{shortened(repr(name))} cannot be an agent's name.",
+                "Use up to 32 letters, digits, '_' and '-', beginning with a letter or digit; "
+                "`ego` is the ego's.",
+            )
+        return name
+
+    @model_validator(mode="after")
+    def _check_lengths(self) -> _Agent:
+        for position, sensor in enumerate(self.rig.sensors):
+            if len(sensor.id) > LONGEST_AGENT_SENSOR_ID:
+                raise problem(
+                    f"{sensor.id!r} has {len(sensor.id)} characters.",
+                    f"Use at most {LONGEST_AGENT_SENSOR_ID} for the sensors of an agent.",
+                    "rig", "sensors", position, "id",
+                )  # fmt: skip
+        return self
+
+
+class VehicleAgent(_Agent):
+    """A car with sensors of its own."""
+
+    kind: Literal["vehicle"] = setting(
+        "vehicle", title="Agent", description="A car with sensors.", group="agents"
+    )
+    blueprint: str = setting(
+        "vehicle.tesla.model3",
+        title="Vehicle",
+        description="Blueprint of the vehicle.",
+        group="agents",
+        min_length=1,
+    )
+    spawn: Literal["near_ego", "random"] | Annotated[int, Field(ge=0)] | Stand = setting(
+        "near_ego",
+        title="Start",
+        description="Index of a spawn point, a place `{x, y, z, yaw_deg}`, or `random`. "
+        "`near_ego`: the free spawn point nearest to the ego's.",
+        group="agents",
+    )
+    color: Literal["random"] | Annotated[tuple[Channel, Channel, Channel], Strict(strict=False)] = (
+        setting(
+            "random",
+            title="Colour",
+            description="`[red, green, blue]` from 0 to 255, or `random`: one that the blueprint "
+            "recommends.",
+            group="agents",
+        )
+    )
+    driver: Driver = setting(
+        AutopilotDriver,
+        title="Driver",
+        description="Who drives it: `autopilot`, `route` or a class; see "
+        "docs/how-to/drive-the-ego.md.",
+        group="agents",
+    )
+
+
+class RoadsideAgent(_Agent):
+    """A roadside unit: sensors that stand still, such as on a mast."""
+
+    kind: Literal["roadside"] = setting(
+        title="Agent", description="Sensors that stand at a place.", group="agents"
+    )
+    pose: Pose = setting(
+        title="Pose",
+        description="Where the unit stands on the map, in CARLA's axes; poses of its sensors are "
+        "relative to it.",
+        group="agents",
+    )
+
+
+def _with_kind(data: Any) -> Any:
+    """``kind: vehicle`` may be left out."""
+    return {"kind": VEHICLE, **data} if isinstance(data, dict) and "kind" not in data else data
+
+
+Agent = Annotated[VehicleAgent | RoadsideAgent, Discriminator("kind"), BeforeValidator(_with_kind)]
+Agents = Annotated[tuple[Agent, ...], Strict(strict=False)]
+__all__ = ["AGENT_KINDS", "Agent", "Agents", "RoadsideAgent", "VehicleAgent", "check_agents"]
+
+
+def check_agents(config: Config) -> None:
+    """Refuse agents that do not go together, or with the rest.
+
+    Raises:
+        PydanticCustomError: with the path of one of them.
+    """
+    if not config.agents:
+        return
+    if isinstance(config.scenario, FROM_FILES) or config.ego.driver.kind == "replay":
+        raise problem(
+            "a file says what everybody does, which further agents would change.",
+            "Leave the agents out, or let scenario and driver be none from a file.",
+            "agents",
+        )
+    _check_agent_names([agent.name for agent in config.agents])
+    for position, agent in enumerate(config.agents):
+        if isinstance(agent, VehicleAgent):
+            _check_agent_driver(agent.driver, config.timing, position)
+
+
+def _check_agent_names(names: Sequence[str]) -> None:
+    if len(names) > MOST_AGENTS:
+        message = f"{len(names)} are more than can be recorded."
+        raise problem(message, f"Give at most {MOST_AGENTS}.", "agents")
+    taken: set[str] = set()
+    for position, name in enumerate(names):
+        if name.lower() in taken:
+            raise problem(
+                f"{name!r} is the name of another agent.",
+                "Give every agent its own (upper and lower case do not make a difference).",
+                "agents", position, "name",
+            )  # fmt: skip
+        taken.add(name.lower())
+
+
+def _check_agent_driver(driver: Section, timing: Timing, position: int) -> None:
+    place = ("agents", position, "driver")
+    if not isinstance(driver, AutopilotDriver | RouteDriver | ClassDriver):
+        raise problem(
+            "only the ego is driven by a person or by recorded commands.",
+            "Use `autopilot`, `route` or a class of yours.",
+            *place,
+        )
+    if timing.mode != "sync" and not isinstance(driver, AutopilotDriver):
+        raise problem(
+            "a driver needs a world that waits for each step.",
+            "Set timing.mode to sync, or leave the driver out.",
+            *place,
+        )

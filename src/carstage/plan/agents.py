@@ -1,0 +1,82 @@
+"""The agents of an episode beside the ego."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from carstage.config import Config
+from carstage.config.agents import RoadsideAgent, VehicleAgent
+from carstage.plan.draws import Draws
+from carstage.plan.drivers import plan_driver
+from carstage.plan.facts import ServerFacts
+from carstage.plan.rig import pose_spec
+from carstage.plan.starts import plan_start
+from carstage.spec import AgentSeeds, AgentSpec, EgoSpec, SensorSpec
+
+SensorsOf = Callable[[Config, int], tuple[SensorSpec, ...]]
+"""The sensors of an agent by its position in the list."""
+
+_STREAMS = 2000
+_STREAMS_PER_AGENT = 4
+"""An agent's draws come from streams of its own, so that one more moves no other."""
+_LARGEST_SEED = 0x7FFF_FFFF  # CARLA keeps noise seeds in signed 32-bit integers
+
+
+def plan_agents(
+    config: Config,
+    facts: ServerFacts,
+    town: str,
+    index: int,
+    draws: Draws,
+    sensors_of: SensorsOf,
+) -> tuple[AgentSpec, ...]:
+    """The agents of an episode, in the order of the configuration.
+
+    Args:
+        config: what the user asks for.
+        facts: what the server offers.
+        town: the episode's map.
+        index: of the episode.
+        draws: random numbers of the configuration's seed.
+        sensors_of: makes an agent's sensors.
+
+    Raises:
+        ConfigError: the map has no such spawn point.
+    """
+    made = []
+    for position, agent in enumerate(config.agents):
+        stream = _STREAMS + _STREAMS_PER_AGENT * position
+        vehicle = None
+        if isinstance(agent, VehicleAgent):
+            field = ("agents", position, "spawn")
+            start = plan_start(agent.spawn, facts, town, draws.unit(index, stream + 2), *field)
+            vehicle = EgoSpec(
+                blueprint=agent.blueprint,
+                color=None if agent.color == "random" else agent.color,
+                driver=plan_driver(config, agent.driver),
+                **start,
+            )
+        seeds = (draws.word(index, stream + i) & _LARGEST_SEED for i in range(2))
+        made.append(
+            AgentSpec(
+                name=agent.name,
+                kind=agent.kind,
+                sensors=sensors_of(config, position),
+                seeds=AgentSeeds(*seeds),
+                vehicle=vehicle,
+                pose=pose_spec(agent.pose) if isinstance(agent, RoadsideAgent) else None,
+            )
+        )
+    return tuple(made)
+
+
+def are_as_asked(agents: Sequence[AgentSpec], config: Config, sensors_of: SensorsOf) -> bool:
+    """Whether recorded agents are those of a configuration; where they begin is not compared."""
+    if len(agents) != len(config.agents):
+        return False
+    for position, (agent, asked) in enumerate(zip(agents, config.agents, strict=True)):
+        driver = plan_driver(config, asked.driver) if isinstance(asked, VehicleAgent) else None
+        recorded = (agent.name, agent.kind, agent.ego.driver, agent.sensors)
+        if recorded != (asked.name, asked.kind, driver, sensors_of(config, position)):
+            return False
+    return True

@@ -32,6 +32,7 @@ from carstage.annotation.pixels import (
 )
 from carstage.geometry import (
     OPTICAL_FROM_SENSOR,
+    Z_NEAR_M,
     back_project,
     box_corners,
     clip_to_near_plane,
@@ -190,6 +191,7 @@ def test_the_compiled_loop_finds_what_plain_numpy_finds(
     rng = np.random.default_rng(seed)
     reach = np.where(hull & np.isfinite(leave), leave, 30.0)
     depth = (enter + rng.uniform(-0.5, 1.5, hull.shape) * (reach - enter)).astype(np.float32)
+    depth = np.maximum(depth, np.float32(Z_NEAR_M))  # no picture shows what is nearer
     ids = rng.integers(CAR_ID - 1, CAR_ID + 1, hull.shape).astype(np.uint16)
     tags = rng.integers(12, 16, hull.shape).astype(np.uint8)
     evidence = ImageEvidence(depth, ids if by_id else None, tags if by_tag else None)

@@ -24,6 +24,7 @@ from contextlib import ExitStack
 from types import TracebackType
 from typing import Any
 
+from carstage_sim.freed_memory import give_back_freed_memory
 from carstage_sim.simulation import CapturedFrame, Scene, Simulation
 from carstage_sim.wire.dialect import Dialect
 from carstage_sim.wire.handlers import Session, TickRequest, serve
@@ -47,6 +48,8 @@ _SUBSCRIPTION_POLL_S = 0.005
 _SERVED_BETWEEN_TICKS = 256
 _LATE_S = 1.0
 """How far fixed steps may lag behind the clock and still make up for it."""
+_TIDY_UP_AFTER_S = 2.0
+"""After a client is gone; others that go meanwhile are tidied up after with it."""
 _RELEASE_AFTER_S = 1.0
 """A program may close one client and go on with another."""
 _PATIENCE_S = 1.0
@@ -97,6 +100,7 @@ class Server:
         self._later: list[tuple[float, int, Callable[[], None]]] = []
         self._finished: deque[Callable[[], None]] = deque()
         self._undrawn: list[Future[None]] = []
+        self._tidies_up = False
         self._order = itertools.count()
         with ExitStack() as resources:
             rpc_loop = resources.enter_context(SocketLoop("rpc sockets"))
@@ -221,6 +225,7 @@ class Server:
     def _serve(self, event: Event) -> None:
         if isinstance(event, Disconnected):
             self._session.traffic_managers.drop_owner(event.connection)
+            self._tidy_up_soon()
             if self._owners.left(event.connection):
                 self._after(_RELEASE_AFTER_S, self._release)
             return
@@ -234,6 +239,15 @@ class Server:
             self._simulation.settings,
             takes_over=event.name == "set_episode_settings" or len(self._tick_requests) > ticks,
         )
+
+    def _tidy_up_soon(self) -> None:
+        if not self._tidies_up:
+            self._tidies_up = True
+            self._after(_TIDY_UP_AFTER_S, self._tidy_up)
+
+    def _tidy_up(self) -> None:
+        self._tidies_up = False
+        give_back_freed_memory()
 
     def _release(self) -> None:
         """Let the world run freely again, unless somebody has taken it over meanwhile."""

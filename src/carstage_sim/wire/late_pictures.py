@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from carstage_sim.wire.streaming import Taking
 
 _MANY_WAITING, _MOST_WAITING = 16, 64
-_PATIENCE_S = 0.2
+_PATIENCE_S = 0.1
 """In one tick, for all that is late."""
 
 

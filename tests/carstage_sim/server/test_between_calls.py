@@ -13,7 +13,7 @@ import pytest
 from carstage_sim.server import Server
 from carstage_sim.wire.dialect import dialect
 from carstage_sim.wire.handlers import TickRequest
-from carstage_sim.wire.rpc import Connection
+from carstage_sim.wire.rpc import Connection, Disconnected
 from carstage_sim.wire.socket_loop import bind
 from carstage_sim.world.controls import EpisodeSettings
 
@@ -91,6 +91,26 @@ def test_a_delayed_load_that_resets_the_settings_frees_the_world_of_its_holders(
         server._after(0.0, load)
         server._run_due()
         assert not server._owners.owned
+
+
+def test_memory_is_given_back_once_after_all_clients_that_left_in_a_moment(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clock_s, given_back = [100.0], []
+    monkeypatch.setattr("carstage_sim.server.time.monotonic", lambda: clock_s[0])
+    monkeypatch.setattr(
+        "carstage_sim.server.give_back_freed_memory", lambda: given_back.append(clock_s[0])
+    )
+    with serving(lambda _: None) as (server, _):
+        for began_s in (100.0, 200.0):
+            clock_s[0] = began_s
+            for _ in range(5):
+                server._serve(Disconnected(cast(Connection, object())))
+                server._run_due()
+            clock_s[0] += 5.0
+            for _ in range(2):
+                server._run_due()
+    assert given_back == [105.0, 205.0]
 
 
 @pytest.mark.parametrize(

@@ -142,6 +142,16 @@ def test_an_example_asks_for_exact_voxels() -> None:
     assert "exact_voxels.yaml" in (EXAMPLES / "README.md").read_text("utf-8")
 
 
+def test_an_example_has_a_car_and_a_roadside_unit_beside_the_ego() -> None:
+    (spec,) = judge(load_config(EXAMPLES / "fleet.yaml"))
+    assert [(agent.name, agent.vehicle is None) for agent in spec.agents] == [
+        ("car2", False),
+        ("mast", True),
+    ]
+    assert all("LIDAR" in [sensor.id for sensor in agent.sensors] for agent in spec.agents)
+    assert "fleet.yaml" in (EXAMPLES / "README.md").read_text("utf-8")
+
+
 AGENTS = """
 class Planner:
     def trace_route(self, start, end):
@@ -190,6 +200,7 @@ def test_every_example_configuration_is_tested() -> None:
     assert names == [
         "events.yaml",
         "exact_voxels.yaml",
+        "fleet.yaml",
         "night_crowds.yaml",
         "own_driver.yaml",
         "sweep_lidar.yaml",

@@ -189,7 +189,7 @@ class Config(Section):
         title="Agents",
         description="Cars and roadside units beside the ego, each with sensors of its own; see "
         "docs/how-to/record-a-fleet.md.",
-        group="agents",
+        group="rig",
     )
     server: ServerConfig = setting(
         EmbeddedServerConfig,

@@ -361,7 +361,7 @@ class EpisodeLog:
                 "frame": record.frame,
                 "timestamp_s": record.timestamp_s,
                 **record.meta,
-                "sensors": self._own_states(record.meta["sensors"]),
+                "sensors": self._own_states(record.meta.get("sensors", {})),
             }
             for index in self.sealed_segments(raw.LEDGER)
             for record in self.read_segment(raw.LEDGER, index)

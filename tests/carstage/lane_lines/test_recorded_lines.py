@@ -38,7 +38,9 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_episode_file(str(raw), header)
     store = LocalStore(folder / "out")
     store.initialise("lines")
-    job: Any = Job(SimpleNamespace(saved_frames=2), header["episode_id"])
+    job: Any = Job(
+        SimpleNamespace(saved_frames=2, agents=(), written_sensors=()), header["episode_id"]
+    )
     with ThreadPoolExecutor(1) as pool:
         attempt = AttemptCommit(job, "a1", raw, store, pool, {}, deferred=True)
         attempt.convert_all(pool)

@@ -40,7 +40,9 @@ def test_sealed_segments_are_converted_at_once_unless_that_is_deferred(
     analytic_scene.write_raw_log(raw)
     store, pool = LocalStore(tmp_path / "out"), Submitted()
     store.initialise("test")
-    job: Any = Job(SimpleNamespace(saved_frames=6), "0123456789abcdef")
+    job: Any = Job(
+        SimpleNamespace(saved_frames=6, agents=(), written_sensors=()), "0123456789abcdef"
+    )
     attempt_commit = AttemptCommit(job, "a1", raw, store, pool, {}, deferred=deferred)
     log = EpisodeLog(raw)
     for stream in log.streams:
@@ -65,7 +67,9 @@ def test_recording_kept_for_the_end_is_converted_by_the_pool_of_then(tmp_path: P
     analytic_scene.write_raw_log(raw)
     store = LocalStore(tmp_path / "out")
     store.initialise("test")
-    job: Any = Job(SimpleNamespace(saved_frames=6), "0123456789abcdef")
+    job: Any = Job(
+        SimpleNamespace(saved_frames=6, agents=(), written_sensors=()), "0123456789abcdef"
+    )
     attempt_commit = AttemptCommit(job, "a1", raw, store, Broken(), {}, deferred=True)
     with pytest.raises(ConverterDiedError):
         attempt_commit.convert_all(Broken())
@@ -80,7 +84,9 @@ def test_commit_counts_the_frames_that_were_saved(tmp_path: Path) -> None:
     header = json.loads((raw / "episode.json").read_bytes())
     store = LocalStore(tmp_path / "out")
     store.initialise("test")
-    job: Any = Job(SimpleNamespace(saved_frames=60), header["episode_id"])
+    job: Any = Job(
+        SimpleNamespace(saved_frames=60, agents=(), written_sensors=()), header["episode_id"]
+    )
     with ThreadPoolExecutor(1) as pool:
         attempt_commit = AttemptCommit(job, "a1", raw, store, pool, {}, deferred=True)
         attempt_commit.convert_all(pool)
@@ -90,7 +96,7 @@ def test_commit_counts_the_frames_that_were_saved(tmp_path: Path) -> None:
 
 def _commit(raw: Path, store: LocalStore, episode_id: str) -> None:
     """Convert a raw log and commit it."""
-    job: Any = Job(SimpleNamespace(saved_frames=6), episode_id)
+    job: Any = Job(SimpleNamespace(saved_frames=6, agents=(), written_sensors=()), episode_id)
     with ThreadPoolExecutor(1) as pool:
         attempt_commit = AttemptCommit(job, "a1", raw, store, pool, {}, deferred=True)
         attempt_commit.convert_all(pool)

@@ -29,9 +29,9 @@ class _Agent(Section):
     name: str = setting(
         title="Name",
         description="Name of the agent, and of its folder in the episode; not `ego`.",
-        group="agents",
+        group="rig",
     )
-    rig: Rig = setting(title="Rig", description="The agent's sensors.", group="agents")
+    rig: Rig = setting(title="Rig", description="The agent's sensors.", group="rig")
 
     @field_validator("name")
     @classmethod
@@ -60,13 +60,13 @@ class VehicleAgent(_Agent):
     """A car with sensors of its own."""
 
     kind: Literal["vehicle"] = setting(
-        "vehicle", title="Agent", description="A car with sensors.", group="agents"
+        "vehicle", title="Agent", description="A car with sensors.", group="rig"
     )
     blueprint: str = setting(
         "vehicle.tesla.model3",
         title="Vehicle",
         description="Blueprint of the vehicle.",
-        group="agents",
+        group="rig",
         min_length=1,
     )
     spawn: Literal["near_ego", "random"] | Annotated[int, Field(ge=0)] | Stand = setting(
@@ -74,7 +74,7 @@ class VehicleAgent(_Agent):
         title="Start",
         description="Index of a spawn point, a place `{x, y, z, yaw_deg}`, or `random`. "
         "`near_ego`: the free spawn point nearest to the ego's.",
-        group="agents",
+        group="rig",
     )
     color: Literal["random"] | Annotated[tuple[Channel, Channel, Channel], Strict(strict=False)] = (
         setting(
@@ -82,7 +82,7 @@ class VehicleAgent(_Agent):
             title="Colour",
             description="`[red, green, blue]` from 0 to 255, or `random`: one that the blueprint "
             "recommends.",
-            group="agents",
+            group="rig",
         )
     )
     driver: Driver = setting(
@@ -90,7 +90,7 @@ class VehicleAgent(_Agent):
         title="Driver",
         description="Who drives it: `autopilot`, `route` or a class; see "
         "docs/how-to/drive-the-ego.md.",
-        group="agents",
+        group="rig",
     )
 
 
@@ -98,13 +98,13 @@ class RoadsideAgent(_Agent):
     """A roadside unit: sensors that stand still, such as on a mast."""
 
     kind: Literal["roadside"] = setting(
-        title="Agent", description="Sensors that stand at a place.", group="agents"
+        title="Agent", description="Sensors that stand at a place.", group="rig"
     )
     pose: Pose = setting(
         title="Pose",
         description="Where the unit stands on the map, in CARLA's axes; poses of its sensors are "
         "relative to it.",
-        group="agents",
+        group="rig",
     )
 
 

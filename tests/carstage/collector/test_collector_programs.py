@@ -79,3 +79,16 @@ def test_a_request_to_end_is_obeyed_while_the_program_is_waited_for(
     with pytest.raises(InterruptedByRequestError):
         process.asked(100.0, check)
     process.end()
+
+
+def test_a_program_that_writes_on_and_on_is_held_back_and_ends(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(program, "END_S", 2.0)
+    process = started(monkeypatch, tmp_path, f"while True: print('{STEP}', flush=True)")
+    for _ in range(100):
+        assert process.asked(10.0)["ego"] == 1
+    assert process._lines.qsize() <= program.MOST_LINES
+    process.end()
+    assert process._process.returncode is not None
+    assert not process._reader.is_alive()

@@ -13,7 +13,7 @@ import os
 import subprocess
 import threading
 import time
-from queue import Empty, SimpleQueue
+from queue import Empty, Full, Queue
 from typing import Any, Callable, Dict, List, Optional
 
 import carla
@@ -34,6 +34,7 @@ STEPS_TO_THE_EGO = 20
 """So many steps the program may take before it has an ego."""
 END_S = 5.0
 POLL_S = 0.1
+MOST_LINES = 16
 
 _log = logging.getLogger(__name__)
 
@@ -59,7 +60,9 @@ class ProgramProcess:
                 "scenario.python: %s cannot be run: %s." % (python, error),
                 "Give the Python that has what the program needs.",
             ) from error
-        self._lines: SimpleQueue[str] = SimpleQueue()
+        # It waits for each step; one that writes more waits for its lines to be read.
+        self._lines: Queue[str] = Queue(MOST_LINES)
+        self._ends = threading.Event()
         self._reader = threading.Thread(target=self._read, name="program", daemon=True)
         self._reader.start()
         self._write(json.dumps(order))
@@ -110,14 +113,24 @@ class ProgramProcess:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+        self._ends.set()
         self._reader.join(END_S)  # its pipe is closed now, unless a process of its own lives on
 
     def _read(self) -> None:
         assert self._process.stdout is not None
         with self._process.stdout as lines:
             for line in lines:
-                self._lines.put(line)
-        self._lines.put("")
+                self._put(line)
+        self._put("")
+
+    def _put(self, line: str) -> None:
+        """Hand a line over, unless nobody takes lines any more."""
+        while not self._ends.is_set():
+            try:
+                self._lines.put(line, timeout=POLL_S)
+            except Full:
+                continue
+            return
 
     def _write(self, line: str) -> None:
         assert self._process.stdin is not None

@@ -62,6 +62,7 @@ class EpisodeIndex:
     def __init__(self, file: Path) -> None:
         self._file = file
         self._lock = threading.Lock()
+        self._saving = threading.Lock()
         self._facts: dict[str, tuple[int, int, EpisodeFacts]] = {}
         self._changed = False
         kept = read_document(file) or {}
@@ -98,18 +99,19 @@ class EpisodeIndex:
 
     def save(self) -> None:
         """Keep what is new for the next start."""
-        with self._lock:
-            if not self._changed:
-                return
-            self._changed = False
-            while len(self._facts) > _MOST_KEPT:
-                self._facts.pop(next(iter(self._facts)))
-            episodes = {
-                path: [changed_ns, size, list(asdict(facts).values())]
-                for path, (changed_ns, size, facts) in self._facts.items()
-            }
-        document = {"format_version": _FORMAT, "episodes": episodes}
-        write_whole(self._file, json.dumps(document).encode())
+        with self._saving:  # one at a time: all write to the same hidden name first
+            with self._lock:
+                if not self._changed:
+                    return
+                self._changed = False
+                while len(self._facts) > _MOST_KEPT:
+                    self._facts.pop(next(iter(self._facts)))
+                episodes = {
+                    path: [changed_ns, size, list(asdict(facts).values())]
+                    for path, (changed_ns, size, facts) in self._facts.items()
+                }
+            document = {"format_version": _FORMAT, "episodes": episodes}
+            write_whole(self._file, json.dumps(document).encode())
 
     def _take(self, path: str, entry: Any) -> None:
         try:

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 import benchmarks.framework.commands
+import benchmarks.framework.fault_commands
 import benchmarks.framework.surroundings_commands
 import benchmarks.simulator.commands  # noqa: F401 - all register their commands
 from benchmarks.registry import BENCHMARKS, app

@@ -6,7 +6,8 @@ import shlex
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ParamSpec
+from pathlib import Path
+from typing import Annotated, Any, ParamSpec
 
 import typer
 
@@ -20,6 +21,13 @@ app = typer.Typer(
 )
 
 Parameters = ParamSpec("Parameters")
+
+Scratch = Annotated[
+    Path | None,
+    typer.Option(
+        "--scratch", help="Existing folder for raw logs, on the disk to be measured.", exists=True
+    ),
+]
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,11 +3,14 @@
 Two demos run one after the other with a home and cache folder of their own: the first finds them
 empty (kernels are compiled, the town is baked), the second warm. Memory is the largest sum of the
 proportional set sizes (PSS) of all its processes, sampled twice a second. Targets in seconds are
-those of the reference machine, scaled by a calibration kernel that is timed in the same run.
+those of the reference machine, scaled by a calibration kernel that is timed in the same run. What
+its first picture shows is counted, too: people, moving vehicles, and those that cross before the
+ego.
 """
 
 from __future__ import annotations
 
+import math
 import os
 import subprocess
 import sys
@@ -20,12 +23,15 @@ import psutil
 
 from carstage.bench.calibration import slowness
 from carstage.bench.verdict import Figure, Verdict
+from carstage.dataset import Dataset
 
 TARGET_COLD_S, TARGET_WARM_S = 60.0, 30.0
 TARGET_WARM_OF_MANY_CORES_S = 12.0
 _MANY_CORES = 16
 TARGET_PSS_BYTES = 2_000_000_000
+TARGET_PEOPLE, TARGET_MOVING_VEHICLES = 5, 5
 _SAMPLE_EVERY_S = 0.5
+_MOVES_M_S = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +98,7 @@ def measure_demo() -> Verdict:
         (folder / "home").mkdir()
         cold = measure(folder / "cold", folder / "home")
         warm = measure(folder / "warm", folder / "home")
+        seen = first_picture(folder / "warm") if warm.exit_code == 0 else ()
     return Verdict(
         "demo",
         (
@@ -99,8 +106,31 @@ def measure_demo() -> Verdict:
             Figure("cores", cores),
             *_figures("cold", cold, TARGET_COLD_S * factor),
             *_figures("warm", warm, warm_s * factor),
+            *seen,
         ),
         ("targets in seconds are scaled by the machine's slowness",),
+    )
+
+
+def first_picture(dataset: Path) -> tuple[Figure, ...]:
+    """What a demo's front camera sees in its first frame, by the labels."""
+    episode = Dataset(dataset).episodes[0]
+    frame = next(iter(episode.iter_frames()))
+    people, moving, crossing = 0, 0, 0
+    for row in frame.camera_objects["CAM_FRONT"]:
+        known = frame.objects[row["track_id"]]
+        if not row["visible"]:
+            continue
+        if known["class"].startswith("walker"):
+            people += 1
+        elif math.hypot(*known["velocity"][:2]) > _MOVES_M_S:
+            ahead_m_s, across_m_s, _ = known["velocity_ego"]
+            moving += 1
+            crossing += abs(across_m_s) > abs(ahead_m_s)
+    return (
+        Figure("people_in_the_first_picture", people, ">=", TARGET_PEOPLE),
+        Figure("moving_vehicles_in_it", moving, ">=", TARGET_MOVING_VEHICLES),
+        Figure("of_them_crossing", crossing, ">=", 1),
     )
 
 

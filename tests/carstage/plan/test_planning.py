@@ -72,7 +72,12 @@ def test_id_is_the_hash_of_the_canonical_json() -> None:
 
 
 def test_demo_id_is_fixed_by_the_format() -> None:
-    spec = plan_episodes(load_demo(), ServerFacts(maps={"Stage01": 100}))[0]
+    as_it_was = (
+        "vehicles={count: 20}",
+        "pedestrians={count: 10}",
+        "ego={blueprint: vehicle.tesla.model3}",
+    )
+    spec = plan_episodes(load_demo(as_it_was), ServerFacts(maps={"Stage01": 100}))[0]
     assert spec.episode_id == "feff8a4135eb4b88", "this breaks the resuming of older datasets"
 
 

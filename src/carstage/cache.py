@@ -40,6 +40,23 @@ def cache_folder() -> Path:
     return folder
 
 
+def keep_in_cache(path: Path, text: str) -> None:
+    """Write a file of a cache, which others may write, too; one that cannot be written is no fault.
+
+    Args:
+        path: its name; it is never seen half written.
+        text: all of it.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, partial = tempfile.mkstemp(dir=path.parent, prefix=path.name)
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+        Path(partial).replace(path)
+    except OSError:
+        return
+
+
 def home_folder() -> Path:
     """The user's home, or a private temporary folder where there is none that can be written."""
     home = os.environ.get("HOME", "")

@@ -24,7 +24,7 @@ def _self_test() -> Any:
         "auto",
         title="Self-test",
         description="Check the server before the run, which takes some seconds. `require` refuses "
-        "one that fails; `auto` is `on`.",
+        "one that fails; `auto` is `on`, but the embedded simulator is tested once on a machine.",
         group="server",
     )
 

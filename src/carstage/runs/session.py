@@ -31,6 +31,7 @@ from carstage.runs.events import (
 from carstage.runs.folder import CurrentEpisode
 from carstage.runs.interruption import Interruption
 from carstage.runs.jobs import JobQueue
+from carstage.runs.known_verdicts import keep_verdict, known_verdict, verdict_file
 from carstage.runs.record import RunRecord
 from carstage.runs.run_session import RunSession
 from carstage.runs.selftesting import describe_verdict, refuse, run_self_test
@@ -259,8 +260,12 @@ class Session(RunSession):
         """
         if not self._setup.tested:
             return
-        with self.waiting("The server is started and tested before the run."):
-            verdict = self._verdict(self._retries)
+        kept = verdict_file(self._config, self._setup.client)
+        verdict = known_verdict(kept)
+        if verdict is None:
+            with self.waiting("The server is started and tested before the run."):
+                verdict = self._verdict(self._retries)
+            keep_verdict(kept, verdict)
         self._self_test = verdict.to_json()
         self._record.event(ServerTested(**self._self_test))
         for sentence in describe_verdict(verdict):

@@ -65,6 +65,21 @@ class Verdict:
         """Names of the checks that do not hold."""
         return tuple(check.name for check in self.checks if not check.ok)
 
+    @classmethod
+    def from_json(cls, document: Mapping[str, Any]) -> Verdict:
+        """The verdict that ``to_json`` wrote.
+
+        Raises:
+            KeyError, TypeError: it is something else.
+        """
+        return cls(
+            document["server"],
+            document["client"],
+            document["map"],
+            tuple(Check(**check) for check in document["checks"]),
+            document["gnss"],
+        )
+
     def to_json(self) -> dict[str, Any]:
         """As the commit marker keeps it; the same recording gives the same document."""
         return {

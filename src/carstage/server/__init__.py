@@ -9,6 +9,7 @@ from carstage.server.description import (
     BlueprintDescription,
     SimulatorDescription,
     ask_embedded,
+    code_fingerprint,
     describe_embedded,
 )
 from carstage.server.embedded import EmbeddedServer
@@ -40,6 +41,7 @@ __all__ = [
     "allot_ports",
     "ask_embedded",
     "check_ports_free",
+    "code_fingerprint",
     "describe_embedded",
     "find_client",
     "free_port",

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import subprocess
 import sys
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -16,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from carstage import __version__
-from carstage.cache import cache_folder
+from carstage.cache import cache_folder, keep_in_cache
 from carstage.errors import ServerError
 from carstage.releases import NEWEST
 from carstage.sensor_kinds import simulator_plugins
@@ -72,7 +70,7 @@ def describe_embedded(
         ServerError: the simulator could not describe itself.
     """
     folder = folder or cache_folder()
-    path = folder / f"simulator-{_fingerprint()}.json"
+    path = folder / f"simulator-{code_fingerprint()}.json"
     try:
         return _parse(json.loads(path.read_text("utf-8")), carla_version)
     except (OSError, ValueError, KeyError, TypeError):
@@ -85,7 +83,7 @@ def describe_embedded(
             f"The embedded simulator's description cannot be read: {error!r}.",
             f"Compare with the output of `python -m {MODULE} --describe`.",
         ) from error
-    _keep(path, text)
+    keep_in_cache(path, text)
     return description
 
 
@@ -110,7 +108,7 @@ def ask_embedded(
         question += ["--maps", str(own_map)]
         key = f"{name}-{hashlib.sha256(own_map.read_bytes()).hexdigest()[:16]}"
         limit_s = START_S
-    path = (folder or cache_folder()) / f"simulator-{_fingerprint()}{option[1:]}-{key}.json"
+    path = (folder or cache_folder()) / f"simulator-{code_fingerprint()}{option[1:]}-{key}.json"
     try:
         kept: dict[str, Any] = json.loads(path.read_text("utf-8"))
     except (OSError, ValueError):
@@ -122,7 +120,7 @@ def ask_embedded(
         answer: dict[str, Any] = json.loads(text)
     except ValueError as error:
         raise ServerError(f"The embedded simulator's answer cannot be read: {error!r}.") from error
-    _keep(path, text)
+    keep_in_cache(path, text)
     return answer
 
 
@@ -169,10 +167,14 @@ def _parse(document: Mapping[str, Any], carla_version: str) -> SimulatorDescript
     )
 
 
-def _fingerprint() -> str:
-    """Changes with every edit of the simulator's code or a plug-in's, without importing it."""
+def code_fingerprint(*packages: str) -> str:
+    """Changes with every edit of the simulator's code or a plug-in's, without importing it.
+
+    Args:
+        packages: further ones whose code counts.
+    """
     digest = hashlib.sha256(f"{__version__} {sys.version}".encode())
-    for name in (MODULE, *simulator_plugins()):
+    for name in (MODULE, *simulator_plugins(), *packages):
         spec = find_spec(name)
         files = [] if spec is None or spec.origin is None else [Path(spec.origin)]
         for location in (spec.submodule_search_locations or ()) if spec is not None else ():
@@ -181,15 +183,3 @@ def _fingerprint() -> str:
             status = file.stat()
             digest.update(f"{file} {status.st_size} {status.st_mtime_ns}\n".encode())
     return digest.hexdigest()[:16]
-
-
-def _keep(path: Path, text: str) -> None:
-    """Write atomically; a cache that cannot be written is no fault."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, partial = tempfile.mkstemp(dir=path.parent, prefix=path.name)
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        Path(partial).replace(path)
-    except OSError:
-        return

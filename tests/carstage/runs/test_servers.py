@@ -13,6 +13,7 @@ from carstage.config import Config, load_demo
 from carstage.errors import BadInputError, ServerError
 from carstage.runs import run
 from carstage.runs.interruption import Interruption
+from carstage.runs.known_verdicts import keep_verdict, known_verdict, verdict_file
 from carstage.runs.selftesting import describe_verdict, refuse, run_self_test
 from carstage.runs.servers import ServerSetup
 from carstage.selftest import Check, Verdict
@@ -161,13 +162,72 @@ def test_a_server_of_ours_that_ends_during_its_self_test_is_tested_anew(
         return tested[-1]
 
     monkeypatch.setattr("carstage.runs.session.run_self_test", killing)
-    short = ("duration_s=0.2", "conversion.workers=1", "image_size=[64, 36]")
+    short = ("duration_s=0.2", "conversion.workers=1", "image_size=[64, 36]", "server.self_test=on")
     ended = run(config(*short), tmp_path / "out")
     assert ended.state == "done"
     assert [found.ok for found in tested] == [False, True]
     (marker,) = (tmp_path / "out" / "commits").glob("*.json")
     assert json.loads(marker.read_bytes())["self_test"]["ok"]
     assert not (ended.folder / "raw").exists()
+
+
+@pytest.mark.end_to_end
+@pytest.mark.xdist_group("runs")
+def test_the_embedded_simulator_is_tested_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tested: list[Verdict] = []
+
+    def counting(*arguments: Any, **options: Any) -> Verdict:
+        tested.append(run_self_test(*arguments, **options))
+        return tested[-1]
+
+    kept = tmp_path / "verdict.json"
+    monkeypatch.setattr("carstage.runs.session.verdict_file", lambda *_: kept)
+    monkeypatch.setattr("carstage.runs.session.run_self_test", counting)
+    short = ("duration_s=0.2", "conversion.workers=1", "image_size=[64, 36]")
+    markers = []
+    for name in ("first", "second"):
+        assert run(config(*short), tmp_path / name).state == "done"
+        (marker,) = (tmp_path / name / "commits").glob("*.json")
+        markers.append(json.loads(marker.read_bytes()))
+    assert len(tested) == 1
+    assert markers[0]["self_test"] == markers[1]["self_test"] == tested[0].to_json()
+    assert Verdict.from_json(json.loads(kept.read_bytes())).to_json() == tested[0].to_json()
+
+
+def test_a_verdict_is_kept_for_one_code_client_and_version(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    client = ClientPython(Path("/usr/bin/python3"), "0.9.16")
+    usual = verdict_file(config(), client)
+    assert usual == verdict_file(config("fps=20"), client)
+    assert verdict_file(config("server={kind: remote}"), client) is None
+    for word in ("on", "require", "off"):
+        assert verdict_file(config(f"server.self_test={word}"), client) is None
+    others = [
+        verdict_file(config("server.carla_version=0.9.13"), client),
+        verdict_file(config(), ClientPython(Path("/opt/python3"), "0.9.16")),
+        verdict_file(config(), ClientPython(client.path, "0.9.15")),
+    ]
+    monkeypatch.setattr("carstage.runs.known_verdicts.code_fingerprint", lambda *_: "edited")
+    others.append(verdict_file(config(), client))
+    assert None not in others
+    assert len({usual, *others}) == 5
+
+
+def test_only_a_verdict_that_is_whole_and_good_is_taken(tmp_path: Path) -> None:
+    file = tmp_path / "cache" / "verdict.json"
+    assert known_verdict(None) is None
+    assert known_verdict(file) is None
+    keep_verdict(file, verdict("0.9.16", GOOD, BAD))
+    assert not file.exists()
+    keep_verdict(file, verdict("0.9.16", GOOD))
+    assert known_verdict(file) == verdict("0.9.16", GOOD)
+    bad = verdict("0.9.16", BAD).to_json()
+    for text in ("", "[]", "{}", '{"ok": true}', json.dumps(bad)):
+        file.write_text(text)
+        assert known_verdict(file) is None
 
 
 def test_run_that_requires_the_self_test_does_not_begin_where_it_fails(

@@ -20,20 +20,6 @@ hypothesis.settings.load_profile("repeatable")
 os.environ.setdefault(CACHE_VARIABLE, str(cache_folder()))
 
 
-@pytest.fixture(scope="session", autouse=True)
-def _without_pandas(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Processes that tests start find no pandas, as in a base install.
-
-    Arrow imports it where it is: half a second of each process that makes a table. The devkits that
-    tests read with bring it here.
-    """
-    folder = tmp_path_factory.mktemp("base-install")
-    (folder / "pandas.py").write_text("raise ImportError('a base install has no pandas')\n")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("PYTHONPATH", str(folder), prepend=os.pathsep)
-        yield
-
-
 @pytest.fixture(scope="session")
 def simulator(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningSimulator]:
     """One server per test process; every test begins with a new episode of its own."""

@@ -1,8 +1,10 @@
-"""Packages whose names are imported when they are first used (PEP 562)."""
+"""Imports that wait until they are needed: names of packages (PEP 562), and pandas."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping
+from functools import cache
 from importlib import import_module
 from typing import Any
 
@@ -22,3 +24,27 @@ def lazy_names(package: str, modules: Mapping[str, str]) -> Callable[[str], Any]
         return getattr(import_module(f"{package}.{places[name]}"), name)
 
     return find
+
+
+class _NoPandas:
+    @staticmethod
+    def find_spec(name: str, *_: object) -> None:
+        if name == "pandas":
+            raise ImportError("Arrow asks for it, and nothing here needs it")
+
+
+@cache
+def keep_pandas_lazy() -> None:
+    """Make Arrow not import pandas for the first list that it makes an array of.
+
+    Where pandas is installed that takes half a second of each process. Arrow asks once: it is told
+    that there is none. What needs pandas, such as ``Table.to_pandas``, imports it all the same.
+    """
+    import pyarrow as pa
+
+    if "pandas" not in sys.modules:
+        sys.meta_path.insert(0, _NoPandas)
+        try:
+            pa.array([0])
+        finally:
+            sys.meta_path.remove(_NoPandas)

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 import carstage
+from analytic_dataset import make_dataset
 from carstage import events
 from carstage.dataset import Dataset
 from driving import wait_for
@@ -223,3 +224,23 @@ def test_run_takes_a_configuration_in_every_form(given: str, tmp_path: Path) -> 
 
 def test_public_names_are_those_of_their_packages() -> None:
     assert carstage.Dataset is Dataset
+
+
+def test_reading_a_dataset_imports_no_pandas_and_pandas_can_be_had(tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "dataset", tmp_path)
+    program = """
+import sys
+import carstage
+import pyarrow as pa
+carstage.Dataset(sys.argv[1])
+table = pa.table({"a": [1, 2]})
+assert "pandas" not in sys.modules
+try:
+    import pandas
+except ImportError:
+    sys.exit()
+assert table.to_pandas()["a"].tolist() == [1, 2]
+assert pa.array(pandas.Series([1, 2])).to_pylist() == [1, 2]
+"""
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+    subprocess.run([sys.executable, "-c", program, str(dataset)], check=True, env=environment)

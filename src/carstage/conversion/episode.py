@@ -48,6 +48,7 @@ from carstage.conversion.town import Town, make_vector_map
 from carstage.dataset.tables import row_sensor, write_table
 from carstage.errors import ConversionError, ConverterDiedError
 from carstage.files.hashing import hash_of
+from carstage.lazy import keep_pandas_lazy
 from carstage.rawlog.format import LEDGER, WORLD
 from carstage.rawlog.reader import ActorInfo, EpisodeLog, WorldFrame
 from carstage.storage.attempt_files import AttemptFiles, write_document
@@ -114,6 +115,7 @@ class EpisodeConversion:
         left_s: Callable[[], float] = lambda: math.inf,
         agent: str | None = None,
     ) -> None:
+        keep_pandas_lazy()
         self._agent = agent
         self.raw_folder = Path(raw_folder)
         self.attempt_files = attempt_files

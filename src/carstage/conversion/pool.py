@@ -23,6 +23,7 @@ from contextlib import suppress
 from typing import Any, ParamSpec, TypeVar
 
 from carstage.conversion.worker import ENVIRONMENT, FORK, FORKED, KILL, LENGTH
+from carstage.lazy import keep_pandas_lazy
 
 _Parameters = ParamSpec("_Parameters")
 _Result = TypeVar("_Result")
@@ -79,6 +80,7 @@ def load_libraries(pictures: bool) -> None:
     try:
         # Not before this is called: the supervisor needs none of it.
         importlib.import_module("carstage.conversion.segment")
+        keep_pandas_lazy()
         from carstage.codecs.images import RgbRunsPng
 
         if pictures:

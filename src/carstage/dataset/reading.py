@@ -24,6 +24,7 @@ from carstage.dataset.tables import read_table, require_columns, row_sensor
 from carstage.errors import BadInputError, DatasetError
 from carstage.files.bounded import read_bounded
 from carstage.geometry import GeoFrame, pose_matrix
+from carstage.lazy import keep_pandas_lazy
 from carstage.occupancy import Occupancy
 from carstage.spec import EpisodeSpec, SpecError
 from carstage.storage.address import dataset_root
@@ -455,6 +456,7 @@ class Dataset:
     """
 
     def __init__(self, path: str | DatasetPath) -> None:
+        keep_pandas_lazy()
         self.path = dataset_root(path)
         self.description = read_description(self.path / "dataset.json")
 

@@ -53,6 +53,9 @@ class Ground:
 
     Args:
         mesh: the scenery; what has a label of ground and is not steep counts.
+
+    Attributes:
+        top_m: no surface is higher; minus infinity where there is none.
     """
 
     def __init__(self, mesh: TriangleMesh) -> None:
@@ -60,6 +63,7 @@ class Ground:
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         length = np.linalg.norm(normals, axis=1)
         corners = corners[np.abs(normals[:, 2]) > _LEAST_UPRIGHT * np.maximum(length, 1e-12)]
+        self.top_m = float(corners[..., 2].max(initial=-np.inf))
         self._planes = _planes(corners)
         self._grid = cell_grid(corners[..., :2], _FINEST_CELL_M)
 

@@ -7,6 +7,8 @@ lie on one line are joined, so that a wall is one segment and nothing slides int
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from shapely import MultiPoint
@@ -247,10 +249,19 @@ class _Outlines:
         )
 
 
+def _among(numbers: Sequence[int]) -> BoolArray:
+    """``(256,)``: which bytes are one of these; a look-up is faster than ``np.isin``."""
+    table: BoolArray = np.isin(np.arange(256), numbers)
+    return table
+
+
 def _cuts(mesh: TriangleMesh, ground: Ground) -> _Outlines:
     """Where the planes above the ground cut the hard triangles, piece by piece."""
-    is_hard = ~np.isin(mesh.tag, _SOFT_LABELS) & ~np.isin(mesh.material, _SOFT_MATERIALS)
+    is_hard = ~_among(_SOFT_LABELS)[mesh.tag] & ~_among(_SOFT_MATERIALS)[mesh.material]
     hard = np.flatnonzero(is_hard)
+    a, b, c = mesh.vertices[:, 2][mesh.triangles[hard].T]
+    # Most of a town is higher than any plane.
+    hard = hard[np.minimum(np.minimum(a, b), c) <= ground.top_m + max(_CUTS_M)]
     corners = mesh.vertices[mesh.triangles[hard]].astype(np.float64)
     foot = corners.mean(axis=1)
     level = ground.height_below(foot)

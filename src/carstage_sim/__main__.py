@@ -81,7 +81,7 @@ def _bake(arguments: Sequence[str]) -> int:
                 maps,
                 task.names,
                 lambda line: print(line, flush=True),
-                await_pictures=compiled.wait,
+                await_shading=compiled.wait,
             )
     except (MapFileError, UnknownTownError) as error:
         print(f"carstage_sim: {error}", file=sys.stderr)
@@ -117,8 +117,7 @@ def _serve(options: Options, maps: MapCatalogue) -> None:
                 ),
             )
         )
-        compiled.wait()
-        simulation.warm_up()
+        simulation.warm_up(compiled.wait)
         server = resources.enter_context(
             Server(
                 simulation,

@@ -1,7 +1,7 @@
-"""Machine code of pictures, compiled by a process of its own while the server makes its town.
+"""Machine code of shading, compiled by a process of its own while the server makes its town.
 
-Shading alone takes the compiler longer than all other kernels together. On an empty cache the
-process begins with the server, on another core; the server then finds the code in the cache.
+Shading alone takes the compiler as long as all other kernels and a town together. On an empty cache
+the process begins with the server, on another core; the server then finds the code in the cache.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _LIMIT_S = 600.0
 
 
 class PicturesCompiled:
-    """Compiles what draws pictures, unless that was done before; a context manager.
+    """Compiles what shades pictures, unless that was done before; a context manager.
 
     The process ends with the block, or with the server.
     """
@@ -79,7 +79,7 @@ def _is_compiled() -> bool:
 
 
 def main() -> None:
-    """Compile every kernel of pictures into the cache."""
+    """Compile the kernel of shading into the cache."""
     threading.Thread(target=_end_with_server, daemon=True).start()
     do_without_scipy()
     from carstage_sim.render.caster import RayCaster
@@ -90,7 +90,7 @@ def main() -> None:
         raise KeyError(key)
 
     caster = RayCaster(1)
-    PictureMaker(caster).warm_up(SceneStore(None, no_mesh, cache=None))
+    PictureMaker(caster).warm_up_shading(SceneStore(None, no_mesh, cache=None))
     caster.close()
 
 

@@ -171,9 +171,13 @@ class Simulation:
             resources.callback(self.recordings.end_episode)
             resources.callback(self.bakes.close)
 
-    def warm_up(self) -> None:
-        """Compile and run every kernel once, so that no client waits for a compiler."""
-        drawing = self._drawing.submit(self._sensors.warm_up)
+    def warm_up(self, await_shading: Callable[[], None] = lambda: None) -> None:
+        """Compile and run every kernel once, so that no client waits for a compiler.
+
+        Args:
+            await_shading: as for ``WorldSensors.warm_up``.
+        """
+        drawing = self._drawing.submit(lambda: self._sensors.warm_up(await_shading))
         warm_up_mechanics(self.world)
         drawing.result()
 

@@ -165,7 +165,7 @@ class RayCaster:
         """
         count = len(directions)
         self._count(count)
-        hits = _no_hits(origin, directions)
+        hits = unwritten_hits(origin, directions)
         origins = hits.origin.reshape(-1, 3)
 
         def work(parts: NDArray[np.int64]) -> None:
@@ -195,7 +195,7 @@ class RayCaster:
             origin: ``(3,)`` world metres.
             packets: which rays do.
         """
-        hits = _no_hits(origin, directions)
+        hits = unwritten_hits(origin, directions)
         self._count(len(directions))
 
         def work(parts: NDArray[np.int64]) -> None:
@@ -209,7 +209,7 @@ class RayCaster:
         return hits
 
 
-def _no_hits(origin: NDArray[np.floating], directions: NDArray[np.float32]) -> Hits:
+def unwritten_hits(origin: NDArray[np.floating], directions: NDArray[np.float32]) -> Hits:
     """Rays whose hits are to be written."""
     count = len(directions)
     return Hits(

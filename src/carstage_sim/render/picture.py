@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.render.bvh import build_tree, refitted_tree
-from carstage_sim.render.caster import Hits, Packets, RayCaster, picture_packets
+from carstage_sim.render.cast import NOTHING
+from carstage_sim.render.caster import Hits, Packets, RayCaster, picture_packets, unwritten_hits
 from carstage_sim.render.edges import rough_pixels, sampled_again
 from carstage_sim.render.film import Film, develop, develop_means, film_codes
 from carstage_sim.render.lending import lent
@@ -69,8 +70,19 @@ class PictureMaker:
         self._scratch = OfEachThread(new_shade_scratch)
         self.sky = SkyModel()
 
+    def warm_up_shading(self, store: SceneStore) -> None:
+        """Compile, or load, the kernel of shading, which takes as long as all others together."""
+        rays = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]], np.float32)
+        hits, packets = unwritten_hits(np.zeros(3), rays), picture_packets(2, 1)
+        hits.t.fill(np.inf)
+        hits.row.fill(NOTHING)
+        hits.triangle.fill(-1)
+        hits.weights.fill(0.0)
+        light, colours = self.sky.lighting(Weather(), 0.0), np.empty((2, 3), np.float32)
+        self._shade(store.frame([]), hits, packets, -1, 1e-3, light, colours)
+
     def warm_up(self, store: SceneStore) -> None:
-        """Compile, or load, the kernels of building, casting and shading."""
+        """Compile, or load, all other kernels of pictures: of building, casting, developing."""
         boxes = np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32)
         refitted_tree(build_tree(*boxes, 1), *boxes)
         frame = store.frame([])
@@ -78,9 +90,7 @@ class PictureMaker:
         hits = self._caster.cast(frame.scene, np.zeros(3), rays, low=0.1, high=1000.0)
         packets = picture_packets(2, 1)
         self._caster.cast_together(frame.scene, np.zeros(3), rays, packets, low=0.1, high=1000.0)
-        light = self.sky.lighting(Weather(), 0.0)
-        colours = np.empty((2, 3), np.float32)
-        self._shade(frame, hits, packets, -1, 1e-3, light, colours)
+        colours = np.zeros((2, 3), np.float32)
         lent(self._caster, hits, (2, 1), colours, packets.order, hits, packets, colours.copy())
         smooth_normals(self._caster, frame, hits)
         nowhere = (np.zeros(2), np.zeros(2))

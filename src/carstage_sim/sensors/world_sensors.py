@@ -102,8 +102,12 @@ class WorldSensors:
         self._side_by_side.close()
         self._caster.close()
 
-    def warm_up(self) -> None:
-        """Compile, or load, every kernel: afterwards no capture waits for the compiler."""
+    def warm_up(self, await_shading: Callable[[], None] = lambda: None) -> None:
+        """Compile, or load, every kernel: afterwards no capture waits for the compiler.
+
+        Args:
+            await_shading: called when all but shading is done, to wait for who compiles that.
+        """
         self._pictures.warm_up(self._store)
         frame = self._store.frame([])
         view = View(lambda: frame, self._caster, self._pictures, Weather(), 0.0)
@@ -113,6 +117,8 @@ class WorldSensors:
         cameras.encode_depth(hits.t, view.in_bands)
         cameras.encode_instances(view.tags(hits), view.instance_ids(hits), view.in_bands)
         occupancy.warm_up(frame)
+        await_shading()
+        self._pictures.warm_up_shading(self._store)
         if self._cameras is not None:
             light = self._pictures.sky.lighting(Weather(), 0.0)
             self._cameras.warm_up(self._store.frame([]), light)

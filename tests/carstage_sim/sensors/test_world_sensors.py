@@ -9,6 +9,7 @@ import pytest
 
 from carstage_sim.content.walking import WALK_PHASES
 from carstage_sim.mesh import TriangleMesh
+from carstage_sim.render.shared_kernels import share_shade_packets
 from carstage_sim.sensors import SensorAttributeError, WorldSensors
 from carstage_sim.sensors.looping import Looping
 from carstage_sim.sensors.sensor import SensorRegistry
@@ -199,6 +200,15 @@ def test_sensor_tick_is_kept_without_drift(sensors):
 def test_an_unknown_sensor_is_named(sensors):
     with pytest.raises(KeyError, match=r"sensor\.other\.unknown"):
         sensors.capture(state(1), [request("other.unknown")])
+
+
+def test_shading_is_compiled_for_the_hits_of_pictures(trees):
+    with WorldSensors(town(GROUND, WALL), threads=1, cache=trees) as sensors:
+        sensors.warm_up()
+        compiled = list(share_shade_packets.signatures)
+        sensors.capture(state(1, **WORLD), rig())
+    assert share_shade_packets.signatures == compiled
+    assert len(compiled) == 1
 
 
 def test_warm_up_changes_nothing(trees):

@@ -53,11 +53,16 @@ class SensorAttributes(Section):
         for key, value in data.items():
             if key in _SET_BY_THE_RUN:
                 raise problem("this attribute is set by the run.", _SET_BY_THE_RUN[key], str(key))
-            friendly = cls._carla_names().get(key, key)
+            friendly = cls.friendly_name(key)
             if friendly in renamed:
                 raise problem("the same attribute is given twice.", f"Keep {friendly}.", str(key))
             renamed[friendly] = value
         return renamed
+
+    @classmethod
+    def friendly_name(cls, key: Any) -> Any:
+        """Our name of an attribute that is called so, or as CARLA does."""
+        return cls._carla_names().get(key, key)
 
     @classmethod
     def _carla_names(cls) -> dict[str, str]:

@@ -20,6 +20,7 @@ from carstage.config.attributes import (
 )
 from carstage.config.fields import Section, problem, setting, shortened
 from carstage.config.lenses import AnyLens
+from carstage.config.products import PRODUCTS, products_of
 from carstage.errors import BadInputError
 from carstage.geometry.lens_sources import SourceView
 from carstage.sensor_kinds import SensorKind, kinds, sensor_kind
@@ -128,6 +129,23 @@ class Sensor(Section):
         le=240,
     )
     attributes: SensorAttributes
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fill_from_product(cls, data: Any) -> Any:
+        """What the data sheet says of the product, where the configuration says nothing."""
+        name = data.get("product") if isinstance(data, dict) else None
+        given = data.get("attributes", {}) if isinstance(data, dict) else None
+        if not isinstance(name, str) or name not in PRODUCTS or not isinstance(given, dict):
+            return data
+        model: Any = cls.model_fields["attributes"].annotation
+        friendly = {model.friendly_name(key) for key in given}
+        sheet = {
+            key: value
+            for key, value in PRODUCTS[name].attributes.items()
+            if key in model.model_fields and key not in friendly
+        }
+        return {**data, "attributes": {**sheet, **given}}
 
     @model_validator(mode="after")
     def _check_id(self) -> Sensor:
@@ -348,6 +366,15 @@ def _model(kind: SensorKind) -> type[Sensor]:
         "kind": (Literal[kind.name], name),
         "attributes": (model, attributes),
     }
+    if products := products_of(kind.name):
+        product = setting(
+            None,
+            title="Product",
+            description="A product whose data sheet gives the attributes that are not set; see "
+            "[LiDARs that one can buy](how-to/flash-lidar.md#lidars-that-one-can-buy).",
+            group="rig",
+        )
+        fields["product"] = (Literal[products] | None, product)
     return create_model(
         "".join(part.capitalize() for part in kind.name.split("_")) + "Sensor",
         __base__=_base(kind),

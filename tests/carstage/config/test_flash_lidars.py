@@ -78,6 +78,8 @@ def test_labels_all_leaves_it_out_and_its_name_is_refused() -> None:
             "attachment",
             "keep their places",
         ),
+        (flash(product="velodyne_vlp16"), "product", "continental_hfl110"),
+        ({"id": "R", "kind": "radar", "product": "velodyne_vlp16"}, "product", "unknown key"),
     ],
 )
 def test_what_cannot_be_is_refused_with_its_field(

@@ -1,4 +1,4 @@
-"""The commands that measure what is told of the surroundings: grids, voxels, fleets' clouds."""
+"""The commands that measure what is told of the surroundings: grids, voxels, clouds."""
 
 from __future__ import annotations
 
@@ -65,6 +65,23 @@ def exact_occupancy(
 
     with watch_steps("Exact occupancy", "frames") as progress:
         verdict = measure_exact_occupancy(dataset, near_m, progress)
+    return report(verdict, json)
+
+
+@benchmark("flash-lidar", takes="4 minutes")
+def flash_lidar(
+    town: Annotated[
+        list[str] | None, typer.Option("--town", help="A built-in town; default: all.")
+    ] = None,
+    seconds: Annotated[float, typer.Option(min=0.2, help="Simulated, in each town.")] = 4.0,
+    json: Json = False,
+) -> int:
+    """Whether flash LiDARs measure what rays along their beams meet, with the noise asked for."""
+    from benchmarks.framework.flash_lidar import TOWNS, measure_flash_lidar
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Flash LiDAR", "recordings") as progress:
+        verdict = measure_flash_lidar(town or TOWNS, seconds, progress)
     return report(verdict, json)
 
 

@@ -152,6 +152,17 @@ def test_an_example_has_a_car_and_a_roadside_unit_beside_the_ego() -> None:
     assert "fleet.yaml" in (EXAMPLES / "README.md").read_text("utf-8")
 
 
+def test_an_example_has_a_flash_lidar_and_rotating_ones_by_their_data_sheets() -> None:
+    plan = judge(load_config(EXAMPLES / "lidar_products.yaml"))
+    found = {sensor.id: sensor for sensor in plan[0].sensors if sensor.kind != "rgb"}
+    assert [sensor.kind for sensor in found.values() if not sensor.hidden][:1] == ["flash_lidar"]
+    flash = found["FLASH"].flash
+    assert flash is not None
+    assert (flash.columns, flash.rows, flash.range_m) == (128, 32, 50.0)
+    assert found["VLP16"].attributes["channels"] == "16"
+    assert "lidar_products.yaml" in (EXAMPLES / "README.md").read_text("utf-8")
+
+
 AGENTS = """
 class Planner:
     def trace_route(self, start, end):
@@ -201,6 +212,7 @@ def test_every_example_configuration_is_tested() -> None:
         "events.yaml",
         "exact_voxels.yaml",
         "fleet.yaml",
+        "lidar_products.yaml",
         "night_crowds.yaml",
         "own_driver.yaml",
         "sweep_lidar.yaml",

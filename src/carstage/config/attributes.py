@@ -6,15 +6,21 @@ stands here: the two numbers of a picture's size, and what of a LiDAR follows fr
 
 from __future__ import annotations
 
+from dataclasses import fields
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, Strict, create_model, model_validator
 
 from carstage.config.fields import Section, problem, setting
+from carstage.geometry.flash_beams import flash_source
+from carstage.geometry.lens_sources import SourceView
 from carstage.sensor_kinds import Attribute, AttributeSet
 from carstage.sensor_kinds.attributes import RAYS_PER_CHANNEL
+from carstage.spec import FlashSpec
 
+#: Recorded pixels per sample: where one line stands for a beam, and where several do.
+_LINES_PX, _FOOTPRINTS_PX = 4.0, 2.0
 #: Attributes that a user may not set, and what to use instead.
 _SET_BY_THE_RUN = {
     "sensor_tick": "Use save_every to record every n-th step, or the sensor's rate_hz.",
@@ -47,11 +53,16 @@ class SensorAttributes(Section):
         for key, value in data.items():
             if key in _SET_BY_THE_RUN:
                 raise problem("this attribute is set by the run.", _SET_BY_THE_RUN[key], str(key))
-            friendly = cls._carla_names().get(key, key)
+            friendly = cls.friendly_name(key)
             if friendly in renamed:
                 raise problem("the same attribute is given twice.", f"Keep {friendly}.", str(key))
             renamed[friendly] = value
         return renamed
+
+    @classmethod
+    def friendly_name(cls, key: Any) -> Any:
+        """Our name of an attribute that is called so, or as CARLA does."""
+        return cls._carla_names().get(key, key)
 
     @classmethod
     def _carla_names(cls) -> dict[str, str]:
@@ -142,8 +153,71 @@ class SweepAttributes(SensorAttributes):
         return strings
 
 
+class FlashAttributes(SensorAttributes):
+    """What goes beyond the rows of a flash LiDAR: the depth picture that it is made from."""
+
+    if TYPE_CHECKING:
+        columns: int
+        rows: int
+        horizontal_fov_deg: float
+        vertical_fov_deg: float
+        min_range_m: float
+        range_m: float
+        horizontal_divergence_deg: Literal["auto"] | float
+        vertical_divergence_deg: Literal["auto"] | float
+        samples: int
+        oversampling: Literal["auto"] | float
+        range_reflectivity: float
+        false_return_rate: float
+
+    @model_validator(mode="after")
+    def _check_range(self) -> FlashAttributes:
+        if self.min_range_m >= self.range_m:
+            raise problem(
+                f"{self.min_range_m:g} m is not below range_m, {self.range_m:g}.",
+                "Give less.",
+                "min_range_m",
+            )
+        if self.false_return_rate and not self.range_reflectivity:
+            raise problem(
+                "without range_reflectivity there is no signal that light could pass for.",
+                "Give range_reflectivity, such as 0.1.",
+                "false_return_rate",
+            )
+        return self
+
+    def spec(self) -> FlashSpec:
+        """What it measures, as the specification has it."""
+        values = {one.name: getattr(self, one.name) for one in fields(FlashSpec)}
+        for axis, count in (("horizontal", self.columns), ("vertical", self.rows)):
+            if values[f"{axis}_divergence_deg"] == "auto":
+                values[f"{axis}_divergence_deg"] = values[f"{axis}_fov_deg"] / count
+        return FlashSpec(**values)
+
+    def source(self) -> SourceView:
+        """The depth picture, or the cube's faces, that is recorded for it.
+
+        Raises:
+            BadInputError: it would be too large.
+        """
+        if self.oversampling == "auto":
+            return flash_source(self.spec(), _LINES_PX if self.samples == 1 else _FOOTPRINTS_PX)
+        return flash_source(self.spec(), self.oversampling)
+
+    def carla(self, *, fps: float, image_size: tuple[int, int]) -> dict[str, str]:
+        """CARLA's attribute strings of that picture."""
+        del fps, image_size
+        source = self.source()
+        return {
+            "image_size_x": str(source.width),
+            "image_size_y": str(source.height),
+            "fov": carla_text(source.fov_deg),
+        }
+
+
 _SHAPES: dict[str, type[SensorAttributes]] = {
     "plain": SensorAttributes,
+    "flash": FlashAttributes,
     "camera": CameraAttributes,
     "sweep": SweepAttributes,
 }
@@ -155,13 +229,13 @@ _OR_AUTO = " or auto"
 @cache
 def attributes_model(attributes: AttributeSet) -> type[SensorAttributes]:
     """The model of a set of attributes."""
-    fields: dict[str, Any] = {row.name: _field(row) for row in attributes.rows}
+    rows: dict[str, Any] = {row.name: _field(row) for row in attributes.rows}
     return create_model(
         attributes.name,
         __base__=_SHAPES[attributes.shape],
         __doc__=attributes.sentence,
         __module__=__name__,
-        **fields,
+        **rows,
     )
 
 

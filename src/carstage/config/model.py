@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Literal
 
 from pydantic import model_validator
@@ -255,9 +256,8 @@ class Config(Section):
         everything = [sensor for _, sensor in self.located_sensors()]
         ids = {sensor.id for sensor in everything}
         cameras = {sensor.id for sensor in everything if sensor.row.is_camera}
-        lidars = {sensor.id for sensor in everything if sensor.row.content == POINTS}
         _check_names("cameras", self.labels.cameras, cameras)
-        _check_names("lidars", self.labels.lidars, lidars)
+        self._check_lidars(everything)
         if self.labels.occupancy is not None:
             for seen in (self, *map(self.seen_by, self.agents)):
                 seen._check_occupancy(self.labels.occupancy)
@@ -267,6 +267,22 @@ class Config(Section):
                 raise problem(message, hint, "conversion", "codecs", name)
         for position, quota in enumerate(() if self.campaign is None else self.campaign.quotas):
             self._check_condition(quota.where, "campaign", "quotas", position, "where")
+
+    def _check_lidars(self, sensors: Sequence[Sensor]) -> None:
+        """Points are labelled by a semantic LiDAR that scans alike, which no depth picture does."""
+        lidars = {sensor.id for sensor in sensors if sensor.row.content == POINTS}
+        _check_names("lidars", self.labels.lidars, lidars)
+        flash = {sensor.id for sensor in sensors if sensor.row.recorded}
+        named = () if self.labels.lidars == "all" else self.labels.lidars
+        for position, name in enumerate(named):
+            if name in flash:
+                raise problem(
+                    "no semantic LiDAR scans like a flash LiDAR.",
+                    "Leave it out, and put a semantic_lidar beside it.",
+                    "labels",
+                    "lidars",
+                    position,
+                )
 
     def _check_occupancy(self, asked: Occupancy) -> None:
         """Voxels are where something is, and get their classes from sensors that tell them."""
@@ -349,9 +365,9 @@ class Config(Section):
                     "attributes",
                     "rotation_frequency_hz",
                 )
-        if isinstance(sensor, CameraSensor) and sensor.lens is not None:
+        if isinstance(sensor, CameraSensor):
             try:
-                sensor.lens.source(sensor.picture_size(self.image_size))
+                sensor.source(self.image_size)
             except BadInputError as error:
                 raise problem(error.message, error.hint, *path, "lens") from None
         if sensor.attachment in SPRING_ARMS and self._is_labelled(sensor):
@@ -451,7 +467,9 @@ class Config(Section):
         return tuple(
             sensor.id
             for sensor in self.sensors
-            if sensor.row.content == POINTS and (chosen == "all" or sensor.id in chosen)
+            if sensor.row.content == POINTS
+            and not sensor.row.recorded
+            and (chosen == "all" or sensor.id in chosen)
         )
 
 

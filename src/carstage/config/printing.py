@@ -10,6 +10,7 @@ from pydantic import BaseModel
 
 from carstage.config.model import Config
 from carstage.config.presets import RIG_PRESETS
+from carstage.config.products import PRODUCTS
 from carstage.config.sensors import SENSOR_KINDS, Sensor
 from carstage.config.weather import WEATHER_PRESETS
 from carstage.sensor_kinds import sensor_kind
@@ -89,6 +90,7 @@ def _rig_reference(schema: Schema) -> Iterator[str]:
         of_model = _resolve({"$ref": reference}, schema)
         yield from ("", f"#### rig.sensors[].lens: model {model}", "", _text(of_model), "")
         yield from _table(of_model, schema, "")
+    yield from _products(definitions["LidarSensor"]["properties"]["product"])
     yield from ("", "### Sensor kinds", "", "| kind | CARLA | what |", "|---|---|---|")
     users: dict[str, list[str]] = {}
     for kind, cls in SENSOR_KINDS.items():
@@ -101,6 +103,18 @@ def _rig_reference(schema: Schema) -> Iterator[str]:
         yield from ("", f"### Attributes of {', '.join(f'`{kind}`' for kind in kinds)}", "")
         yield from (_text(section), "")
         yield from _table(section, schema, "", carla=True)
+
+
+def _products(product: Schema) -> Iterator[str]:
+    """The key ``product``, and a row for each of its values."""
+    yield from ("", "### rig.sensors[].product", "", f"Of LiDARs. {_text(product)}", "")
+    yield from (
+        "| product | kinds | what | source | otherwise than the product |",
+        "|---|---|---|---|---|",
+    )
+    for name, one in PRODUCTS.items():
+        kinds = ", ".join(f"`{kind}`" for kind in one.kinds)
+        yield f"| `{name}` | {kinds} | {one.title} | {one.source} | {one.differs} |"
 
 
 def _sections(path: str, node: Schema, root: Schema) -> Iterator[tuple[str, Schema]]:

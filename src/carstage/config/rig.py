@@ -13,7 +13,6 @@ from carstage.config.sensors import (
     INSTANCE_SUFFIX,
     SENSOR_KINDS,
     AnySensor,
-    CameraSensor,
     Pose,
     Sensor,
 )
@@ -63,14 +62,8 @@ class Rig(Section):
 
     @property
     def _cubes(self) -> set[str]:
-        """Ids of the cameras that faces of a cube are recorded for, and of their hidden twins."""
-        cubes = {
-            sensor.id
-            for sensor in self.all_sensors
-            if isinstance(sensor, CameraSensor)
-            and sensor.lens is not None
-            and sensor.lens.needs_cube
-        }
+        """Ids of the sensors that faces of a cube are recorded for, and of their hidden twins."""
+        cubes = {sensor.id for sensor in self.all_sensors if sensor.needs_cube}
         return cubes | {name + twin for name in cubes for twin in (DEPTH_SUFFIX, INSTANCE_SUFFIX)}
 
     @property

@@ -12,9 +12,17 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Discriminator, create_model, model_validator
 
-from carstage.config.attributes import SensorAttributes, attributes_model, carla_text
+from carstage.config.attributes import (
+    FlashAttributes,
+    SensorAttributes,
+    attributes_model,
+    carla_text,
+)
 from carstage.config.fields import Section, problem, setting, shortened
 from carstage.config.lenses import AnyLens
+from carstage.config.products import PRODUCTS, products_of
+from carstage.errors import BadInputError
+from carstage.geometry.lens_sources import SourceView
 from carstage.sensor_kinds import SensorKind, kinds, sensor_kind
 from carstage.sensor_kinds.model import NORMALS
 from carstage.spec.sensors import EGO, ON_MAP, RIGID, SensorSpec
@@ -122,6 +130,23 @@ class Sensor(Section):
     )
     attributes: SensorAttributes
 
+    @model_validator(mode="before")
+    @classmethod
+    def _fill_from_product(cls, data: Any) -> Any:
+        """What the data sheet says of the product, where the configuration says nothing."""
+        name = data.get("product") if isinstance(data, dict) else None
+        given = data.get("attributes", {}) if isinstance(data, dict) else None
+        if not isinstance(name, str) or name not in PRODUCTS or not isinstance(given, dict):
+            return data
+        model: Any = cls.model_fields["attributes"].annotation
+        friendly = {model.friendly_name(key) for key in given}
+        sheet = {
+            key: value
+            for key, value in PRODUCTS[name].attributes.items()
+            if key in model.model_fields and key not in friendly
+        }
+        return {**data, "attributes": {**sheet, **given}}
+
     @model_validator(mode="after")
     def _check_id(self) -> Sensor:
         if self.id in RESERVED_IDS:
@@ -180,6 +205,38 @@ class Sensor(Section):
         """Attribute strings that it is spawned with, in a run with that default image size."""
         return self.attributes.carla(fps=fps, image_size=image_size)
 
+    @property
+    def needs_cube(self) -> bool:
+        """Whether faces of a cube are recorded for it."""
+        return False
+
+    def source(self, image_size: tuple[int, int]) -> SourceView | None:
+        """The pictures that its frames are made from; None: they are recorded as they are.
+
+        Args:
+            image_size: the run's default.
+
+        Raises:
+            BadInputError: no picture holds what it looks at.
+        """
+        del image_size
+        return None
+
+    def _check_cube(self) -> None:
+        if self.attachment != RIGID:
+            raise problem(
+                "the faces of a cube must keep their places beside each other.",
+                "Use `rigid`.",
+                "attachment",
+            )
+        if len(self.id) > LONGEST_CUBE_ID:
+            raise problem(
+                f"{shortened(repr(self.id))} has {len(self.id)} characters, and the faces of its "
+                "cube get two more.",
+                f"Use at most {LONGEST_CUBE_ID}.",
+                "id",
+            )
+
 
 class CameraSensor(Sensor):
     """What cameras have beyond: a model that is not CARLA's."""
@@ -215,24 +272,21 @@ class CameraSensor(Sensor):
                 "Leave lens out.",
                 "lens",
             )
-        if self.lens.needs_cube:
+        if self.needs_cube:
             self._check_cube()
+            self._check_seams()
         return self
 
-    def _check_cube(self) -> None:
-        if self.attachment != RIGID:
-            raise problem(
-                "the faces of a cube must keep their places beside each other.",
-                "Use `rigid`.",
-                "attachment",
-            )
-        if len(self.id) > LONGEST_CUBE_ID:
-            raise problem(
-                f"{shortened(repr(self.id))} has {len(self.id)} characters, and the faces of its "
-                "cube get two more.",
-                f"Use at most {LONGEST_CUBE_ID}.",
-                "id",
-            )
+    @property
+    def needs_cube(self) -> bool:
+        """See ``Sensor.needs_cube``."""
+        return self.lens is not None and self.lens.needs_cube
+
+    def source(self, image_size: tuple[int, int]) -> SourceView | None:
+        """See ``Sensor.source``."""
+        return None if self.lens is None else self.lens.source(self.picture_size(image_size))
+
+    def _check_seams(self) -> None:
         for name, value in _WITHOUT_SEAMS.items():
             given = getattr(self.attributes, name, None)
             if given not in (None, value):
@@ -246,10 +300,10 @@ class CameraSensor(Sensor):
     def carla(self, *, fps: float, image_size: tuple[int, int]) -> dict[str, str]:
         """See ``Sensor.carla``: with a lens those of the picture that it is re-projected from."""
         strings = super().carla(fps=fps, image_size=image_size)
-        if self.lens is None:
+        source = self.source(image_size)
+        if source is None:
             return strings
-        source = self.lens.source(self.picture_size(image_size))
-        if self.lens.needs_cube:
+        if self.needs_cube:
             names = {row.name: row.carla for row in self.row.attributes.rows}
             for name, value in _WITHOUT_SEAMS.items():
                 carla = names.get(name)
@@ -267,6 +321,40 @@ class CameraSensor(Sensor):
         return getattr(self.attributes, "image_size", None) or image_size
 
 
+class FlashLidarSensor(Sensor):
+    """What flash LiDARs have beyond: the depth pictures that they are made from."""
+
+    if TYPE_CHECKING:
+        attributes: FlashAttributes
+
+    @model_validator(mode="after")
+    def _check_pictures(self) -> FlashLidarSensor:
+        try:
+            cube = self.needs_cube
+        except BadInputError as error:
+            raise problem(error.message, error.hint, "attributes") from None
+        if cube:
+            self._check_cube()
+        return self
+
+    @property
+    def needs_cube(self) -> bool:
+        """See ``Sensor.needs_cube``."""
+        return len(self.attributes.source().faces) > 1
+
+    def source(self, image_size: tuple[int, int]) -> SourceView | None:
+        """See ``Sensor.source``."""
+        del image_size
+        return self.attributes.source()
+
+
+def _base(kind: SensorKind) -> type[Sensor]:
+    """What the models of its kind are derived from."""
+    if kind.is_camera:
+        return CameraSensor
+    return FlashLidarSensor if kind.attributes.shape == "flash" else Sensor
+
+
 def _model(kind: SensorKind) -> type[Sensor]:
     """The model of a kind."""
     model = attributes_model(kind.attributes)
@@ -278,9 +366,18 @@ def _model(kind: SensorKind) -> type[Sensor]:
         "kind": (Literal[kind.name], name),
         "attributes": (model, attributes),
     }
+    if products := products_of(kind.name):
+        product = setting(
+            None,
+            title="Product",
+            description="A product whose data sheet gives the attributes that are not set; see "
+            "[LiDARs that one can buy](how-to/flash-lidar.md#lidars-that-one-can-buy).",
+            group="rig",
+        )
+        fields["product"] = (Literal[products] | None, product)
     return create_model(
         "".join(part.capitalize() for part in kind.name.split("_")) + "Sensor",
-        __base__=CameraSensor if kind.is_camera else Sensor,
+        __base__=_base(kind),
         __doc__=kind.summary,
         __module__=__name__,
         **fields,

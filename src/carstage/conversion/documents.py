@@ -15,6 +15,7 @@ from carstage.geometry import Lens, horizontal_fov_deg, intrinsics
 from carstage.rawlog.clock import elapsed_s
 from carstage.rawlog.reader import ActorInfo
 from carstage.spec import EpisodeSpec, SensorSpec
+from carstage.spec.plain import plain
 
 FORMAT_VERSION = 1
 _EPISODE_KEYS = (
@@ -91,7 +92,7 @@ def calibration_document(spec: EpisodeSpec, plan: SensorPlan, ego: ActorInfo) ->
             "carrier_from_sensor": mount.carrier_from_sensor.tolist(),
             "ego_from_sensor": mount.carrier_from_sensor.tolist() if mount.on_ego else None,
         }
-        if sensor.blueprint.startswith("sensor.camera."):
+        if sensor.blueprint.startswith("sensor.camera.") and sensor.flash is None:
             width, height, fov_deg = camera_geometry(attributes)
             entry |= {
                 "width": width,
@@ -101,6 +102,8 @@ def calibration_document(spec: EpisodeSpec, plan: SensorPlan, ego: ActorInfo) ->
             }
         if sensor.lens is not None:
             entry |= lens_entries(planned_lens(sensor.lens), sensor)
+        if sensor.flash is not None:
+            entry["flash"] = {**plain(sensor.flash), "recorded_from": list(sensor.streams)}
         twins = {"depth": sensor.depth, "instance": sensor.instance}
         sensors[written.id] = {
             **entry,

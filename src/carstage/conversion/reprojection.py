@@ -42,7 +42,7 @@ def record_picture(sensor: SensorSpec, records: Sequence[Record | None]) -> Pict
     if sensor.lens is None:
         return found[0].meta, found[0].payload
     lens = planned_lens(sensor.lens)
-    way = _way(lens, _source(sensor), _face_numbers(sensor))
+    way = _way(lens, camera_geometry(sensor.attributes), face_numbers(sensor))
     pictures = [(record.meta, record.payload) for record in found]
     meta = {**found[0].meta, "width": lens.width, "height": lens.height}
     if sensor.content == FLOW:
@@ -51,12 +51,12 @@ def record_picture(sensor: SensorSpec, records: Sequence[Record | None]) -> Pict
 
 
 @dataclass(frozen=True, slots=True)
-class _Way:
-    """Where each pixel of a lens comes from.
+class RayPlaces:
+    """Where rays, such as those of a lens's pixels, are in recorded pictures.
 
     Attributes:
         face, place: see ``reprojection_kernel``.
-        factor: ``(H, W)`` from the source's z-depth to the depth of the lens's picture.
+        factor: ``(H, W)`` from the source's z-depth to what the ray is to be multiplied by.
         faces: numbers of the recorded faces of the cube.
         focal_px: of the sources.
     """
@@ -68,23 +68,31 @@ class _Way:
     focal_px: float
 
 
-def _source(sensor: SensorSpec) -> tuple[int, int, float]:
-    return camera_geometry(sensor.attributes)
-
-
-def _face_numbers(sensor: SensorSpec) -> tuple[int, ...]:
+def face_numbers(sensor: SensorSpec) -> tuple[int, ...]:
     """Numbers in ``FACES`` of what its streams show."""
     first = [face[0] for face in FACES]
     return (0, *(first.index(name[-1]) for name in sensor.faces or ()))
 
 
 @lru_cache(maxsize=8)
-def _way(lens: Lens, source: tuple[int, int, float], faces: tuple[int, ...]) -> _Way:
+def _way(lens: Lens, source: tuple[int, int, float], faces: tuple[int, ...]) -> RayPlaces:
+    return places_of_rays(pixel_rays(lens), source, faces)
+
+
+def places_of_rays(
+    rays: FloatArray, source: tuple[int, int, float], faces: tuple[int, ...]
+) -> RayPlaces:
+    """Where rays are in the pictures that were recorded.
+
+    Args:
+        rays: ``(H, W, 3)`` in optical axes; NaN where there is none.
+        source: width and height (px) and horizontal field of view (deg) of each picture.
+        faces: their numbers in ``FACES``.
+    """
     from carstage.conversion.reprojection_kernel import NOTHING
 
     width, height, fov_deg = source
     focal = focal_length_px(width, fov_deg)
-    rays = pixel_rays(lens)
     face = np.full(rays.shape[:2], NOTHING, np.uint8)
     place, factor = np.zeros((*rays.shape[:2], 2)), np.ones(rays.shape[:2])
     ahead = np.full(rays.shape[:2], -np.inf)
@@ -95,10 +103,10 @@ def _way(lens: Lens, source: tuple[int, int, float], faces: tuple[int, ...]) -> 
         ahead[best], face[best] = chosen[:, 2], position
         place[best] = chosen[:, :2] / chosen[:, 2:] * focal + [width / 2.0, height / 2.0]
         factor[best] = 1.0 / chosen[:, 2]
-    return _Way(face, place, factor, faces, focal)
+    return RayPlaces(face, place, factor, faces, focal)
 
 
-def _image(pictures: Sequence[Picture], content: str, lens: Lens, way: _Way) -> memoryview:
+def _image(pictures: Sequence[Picture], content: str, lens: Lens, way: RayPlaces) -> memoryview:
     from carstage.conversion.reprojection_kernel import pick_nearest, sample_colours, sample_depths
 
     sources = np.stack([image_bgra(meta, payload) for meta, payload in pictures])
@@ -113,7 +121,7 @@ def _image(pictures: Sequence[Picture], content: str, lens: Lens, way: _Way) -> 
     return out.reshape(-1).data
 
 
-def _flow(pictures: Sequence[Picture], lens: Lens, way: _Way) -> memoryview:
+def _flow(pictures: Sequence[Picture], lens: Lens, way: RayPlaces) -> memoryview:
     """Flow of the lens's pixels: now less where the lens had the surface a frame ago.
 
     The source says where its own picture had it. NaN where the lens shows nothing, or did not show

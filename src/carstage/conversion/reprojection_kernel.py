@@ -16,7 +16,7 @@ from carstage.kernels import compiled
 
 NOTHING: Final = 255
 FAR_CODE: Final = 2**24 - 1
-_FAR_FROM: Final = 0.9999
+FAR_FROM: Final = 0.9999
 """Share of the largest depth from which on nothing was hit."""
 
 
@@ -89,18 +89,18 @@ def sample_depths(
                 continue
             x = min(max(int(place[j, i, 0]), 0), columns - 1)
             y = min(max(int(place[j, i, 1]), 0), rows - 1)
-            here = _code(sources, which, y, x)
+            here = depth_code(sources, which, y, x)
             code = FAR_CODE
-            if here < _FAR_FROM * FAR_CODE:
+            if here < FAR_FROM * FAR_CODE:
                 middle = 1.0 / max(here, 1.0)
                 inverse = middle
                 if 0 < x < columns - 1:
-                    before = middle - 1.0 / max(_code(sources, which, y, x - 1), 1.0)
-                    after = 1.0 / max(_code(sources, which, y, x + 1), 1.0) - middle
+                    before = middle - 1.0 / max(depth_code(sources, which, y, x - 1), 1.0)
+                    after = 1.0 / max(depth_code(sources, which, y, x + 1), 1.0) - middle
                     inverse += _smaller(before, after) * (place[j, i, 0] - x - 0.5)
                 if 0 < y < rows - 1:
-                    before = middle - 1.0 / max(_code(sources, which, y - 1, x), 1.0)
-                    after = 1.0 / max(_code(sources, which, y + 1, x), 1.0) - middle
+                    before = middle - 1.0 / max(depth_code(sources, which, y - 1, x), 1.0)
+                    after = 1.0 / max(depth_code(sources, which, y + 1, x), 1.0) - middle
                     inverse += _smaller(before, after) * (place[j, i, 1] - y - 0.5)
                 code = int(min(factor[j, i] / inverse + 0.5, float(FAR_CODE)))
             out[j, i, 0] = code >> 16
@@ -110,7 +110,7 @@ def sample_depths(
 
 
 @compiled
-def _code(sources: NDArray[np.uint8], which: int, row: int, column: int) -> float:
+def depth_code(sources: NDArray[np.uint8], which: int, row: int, column: int) -> float:
     """CARLA's depth code of a pixel, ``R + 256 G + 65536 B`` of bytes B, G, R, A."""
     blue, green = sources[which, row, column, 0], sources[which, row, column, 1]
     red = sources[which, row, column, 2]

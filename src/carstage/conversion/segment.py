@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 
 from carstage.annotation import CameraImages, EpisodeLabeller
 from carstage.annotation.decoding import decode_depth_bgra
@@ -18,6 +19,7 @@ from carstage.annotation.point_sensors import radar_points
 from carstage.annotation.schema import LANE_LINES, Column, frame_tables
 from carstage.codecs import codec_for
 from carstage.codecs.codec import image_bgra
+from carstage.conversion.flash_lidar import flash_payload
 from carstage.conversion.lane_lines import LaneLineMaker
 from carstage.conversion.occupancy import occupancy_files, part_path
 from carstage.conversion.reprojection import Picture, record_picture
@@ -31,7 +33,7 @@ from carstage.rawlog.clock import elapsed_s
 from carstage.rawlog.format import KIND_DATA, LEDGER
 from carstage.rawlog.reader import EpisodeLog, Record
 from carstage.sensor_kinds.model import DETECTIONS, POINTS
-from carstage.spec import SensorSpec
+from carstage.spec import EpisodeSpec, SensorSpec
 from carstage.storage.attempt_files import AttemptFiles
 from carstage.storage.marker import FileEntry
 
@@ -105,10 +107,11 @@ def encode_segment(
     with attempt_files.stream() as files:
         for record in records:
             try:
-                picture = record_picture(planned, [record, *(f.get(record.tick) for f in faces)])
-                if picture is None:
+                found = [record, *(f.get(record.tick) for f in faces)]
+                frame = _frame(planned, found, log.spec)
+                if frame is None:
                     continue  # the ledger says why
-                meta, recorded = picture
+                meta, recorded = frame
                 contents = codec.encode(meta, dataset_payload(sensor.kind, server, recorded))
             except (ValueError, KeyError) as error:
                 raise _bad_record(sensor, record, str(error)) from error
@@ -148,11 +151,11 @@ def label_segment(
         if name is not None
         for stream in by_id[name].streams
     }
-    lidars = [sensor.id for sensor in log.spec.sensors_of(POINTS)]
     radars = [sensor.id for sensor in log.spec.sensors_of(DETECTIONS)]
+    clouds_of = [stream for lidar in log.spec.sensors_of(POINTS) for stream in lidar.streams]
     by_tick = {
         stream: _by_tick(log, stream, segment)
-        for stream in dict.fromkeys([*sorted(image_streams), *lidars, *radars, *around.swept])
+        for stream in dict.fromkeys([*sorted(image_streams), *clouds_of, *radars, *around.swept])
     }
     files: list[tuple[str, bytes]] = []
     rows: dict[str, list[dict[str, Any]]] = {name: [] for name in tables}
@@ -171,11 +174,7 @@ def label_segment(
                 decode_depth_bgra(image_bgra(*depth)),
                 None if instance is None else image_bgra(*instance),
             )
-        clouds = {
-            lidar: np.frombuffer(record.payload, "<f4").reshape(-1, 4)
-            for lidar in lidars
-            if (record := by_tick[lidar].get(world.tick)) is not None
-        }
+        clouds = _clouds(log.spec, by_tick, world.tick)
         detections = {
             radar: radar_points(np.frombuffer(record.payload, "<f4").reshape(-1, 4))
             for radar in radars
@@ -189,7 +188,7 @@ def label_segment(
         if lines is not None:
             rows[LANE_LINES] += lines.rows(ticks[world.tick], labels, images)
         sweeps = {name: by_tick[name].get(world.tick) for name in around.swept}
-        files += around.files(world, ticks[world.tick], labels, images, sweeps)
+        files += around.files(world, ticks[world.tick], labels, images, clouds, sweeps)
     folder = parts_folder(raw_folder, agent)
     folder.mkdir(exist_ok=True)
     around.end(part_path(folder, segment))
@@ -289,7 +288,38 @@ def label_schema(columns: Sequence[Column]) -> pa.Schema:
 def _picture(
     sensor: SensorSpec, by_tick: Mapping[str, Mapping[int, Record]], tick: int
 ) -> Picture | None:
-    return record_picture(sensor, [by_tick[stream].get(tick) for stream in sensor.streams])
+    return record_picture(sensor, _records(sensor, by_tick, tick))
+
+
+def _records(
+    sensor: SensorSpec, by_tick: Mapping[str, Mapping[int, Record]], tick: int
+) -> list[Record | None]:
+    """Of the streams that a sensor's frame of that tick is made from."""
+    return [by_tick[stream].get(tick) for stream in sensor.streams]
+
+
+def _clouds(
+    spec: EpisodeSpec, by_tick: Mapping[str, Mapping[int, Record]], tick: int
+) -> dict[str, NDArray[np.float32]]:
+    """``(N, 4)`` points of that tick by LiDAR; one that the tick lacks has none."""
+    found = {
+        lidar.id: _frame(lidar, _records(lidar, by_tick, tick), spec)
+        for lidar in spec.sensors_of(POINTS)
+    }
+    return {
+        name: np.frombuffer(frame[1], "<f4").reshape(-1, 4)
+        for name, frame in found.items()
+        if frame is not None
+    }
+
+
+def _frame(
+    sensor: SensorSpec, records: Sequence[Record | None], spec: EpisodeSpec
+) -> Picture | None:
+    """Meta and payload of a sensor's frame, whatever it is made from; None: the tick lacks it."""
+    if sensor.flash is not None:
+        return flash_payload(sensor, records, spec.seeds.sensor_noise)
+    return record_picture(sensor, records)
 
 
 def _by_tick(log: EpisodeLog, stream: str, segment: int) -> dict[int, Record]:

@@ -22,7 +22,7 @@ class RecordedSensor:
         id: the user's name of it, also its stream.
         kind: short name of the kind, such as ``rgb``.
         codec: name of the codec of its files; ``parquet`` for sensors that become table rows.
-        faces: streams with further faces of the cube that its pictures are re-projected from.
+        faces: streams with further faces of the cube that its files are made from.
     """
 
     id: str
@@ -75,7 +75,7 @@ def plan_sensors(spec: EpisodeSpec, codecs: Mapping[str, str]) -> SensorPlan:
         around = spec.labels.birds_eye is not None or spec.labels.occupancy is not None
         swept = around and not sensor.hidden
         if sensor.content in (POINTS, DETECTIONS, VOXELS) or (swept and sensor.content in CLOUDS):
-            label_streams.add(sensor.id)
+            label_streams |= set(sensor.streams)
     return SensorPlan(
         tuple(_recorded(sensor, codecs.get(sensor.id)) for sensor in shown),
         frozenset(label_streams),

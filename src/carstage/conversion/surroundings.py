@@ -22,7 +22,7 @@ from carstage.conversion.tag_numbers import dataset_payload, dataset_tag_image
 from carstage.geometry import FloatArray, pose_matrix
 from carstage.occupancy import Picture, Sweep
 from carstage.rawlog.reader import EpisodeLog, Record, WorldFrame
-from carstage.sensor_kinds.model import CLOUDS
+from carstage.sensor_kinds.model import CLOUDS, TAGGED_POINTS
 
 
 class Surroundings:
@@ -41,11 +41,9 @@ class Surroundings:
         self._server = str(log.header["server_version"])
         cameras = (LabelledCamera.from_spec(s, {}) for s in log.spec.sensors if s.labelled)
         self._cameras = {camera.mount.sensor_id: camera for camera in cameras if camera.pinhole}
-        self._lidars = {
-            sensor.id: sensor.kind
-            for sensor in log.spec.written_sensors
-            if sensor.content in CLOUDS and self._asked
-        }
+        lidars = [s for s in log.spec.written_sensors if s.content in CLOUDS and self._asked]
+        self._lidars = tuple(sensor.id for sensor in lidars)
+        self._tagged = {s.id: s.kind for s in lidars if s.content == TAGGED_POINTS}
 
     @property
     def _asked(self) -> bool:
@@ -53,8 +51,8 @@ class Surroundings:
 
     @property
     def swept(self) -> tuple[str, ...]:
-        """Streams whose points say what LiDARs see, or which voxels are occupied."""
-        return (*self._lidars, *(() if self._exact is None else (self._exact.stream,)))
+        """Streams whose tagged points say what LiDARs see, or which voxels are occupied."""
+        return (*self._tagged, *(() if self._exact is None else (self._exact.stream,)))
 
     def files(
         self,
@@ -62,6 +60,7 @@ class Surroundings:
         k: int,
         labels: FrameLabels,
         images: Mapping[str, CameraImages],
+        clouds: Mapping[str, NDArray[np.float32]],
         sweeps: Mapping[str, Record | None],
     ) -> list[tuple[str, bytes]]:
         """Names and contents of a frame's files; gathered voxels come when all segments are there.
@@ -71,6 +70,7 @@ class Surroundings:
             k: index of the saved frame.
             labels: its rows.
             images: by labelled camera.
+            clouds: points by LiDAR; one that the tick lacks has none.
             sweeps: by stream of :attr:`swept`; None where the tick has none.
         """
         if not self._asked:
@@ -80,7 +80,7 @@ class Surroundings:
             for one in labels.sensor_poses
         }
         seen: list[Picture | Sweep] = [*self._pictures(poses, images)]
-        seen += self._sweeps(poses, sweeps)
+        seen += self._sweeps(poses, clouds, sweeps)
         if self._voxels is not None:
             self._voxels.add(world, k, labels, poses, seen)
         files = [] if self._grids is None else [self._grids.file(world, k, labels, seen)]
@@ -110,13 +110,19 @@ class Surroundings:
         return dataset_tag_image(self._server, decode_instance_bgra(image.instance_bgra)[1])
 
     def _sweeps(
-        self, poses: Mapping[str, FloatArray], sweeps: Mapping[str, Record | None]
+        self,
+        poses: Mapping[str, FloatArray],
+        clouds: Mapping[str, NDArray[np.float32]],
+        sweeps: Mapping[str, Record | None],
     ) -> Iterator[Sweep]:
-        for name, kind in self._lidars.items():
-            record = sweeps[name]
+        for name in self._lidars:
+            points: NDArray[Any] | None = clouds.get(name)
+            record = sweeps[name] if name in self._tagged else None
             if record is not None:
+                kind = self._tagged[name]
                 payload = dataset_payload(kind, self._server, record.payload)
                 points = codec_for(kind)[1].raw_array(record.meta, payload)
+            if points is not None:
                 yield Sweep(Cloud(poses[name], points_xyz(points)), point_tags(points))
 
 

@@ -24,6 +24,8 @@ from carstage.geometry import (
     project,
 )
 from carstage.sensor_kinds import content_of
+from carstage.spec import FlashSpec
+from carstage.spec.fields import Fields
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +50,7 @@ class SensorCalibration:
         fov_deg: horizontal field of view; 0 for what is no camera.
         k: ``(3, 3)`` intrinsics; zeros for what is no camera.
         lens: the camera model that its pictures were re-projected to; None: CARLA's own.
+        flash: of a flash LiDAR: what it measures.
     """
 
     id: str
@@ -67,6 +70,7 @@ class SensorCalibration:
     fov_deg: float
     k: NDArray[np.float64]
     lens: Lens | None = None
+    flash: FlashSpec | None = None
 
     @property
     def content(self) -> str:
@@ -206,6 +210,7 @@ def calibration_of(name: str, entry: Mapping[str, Any]) -> SensorCalibration:
         fov_deg=entry.get("fov_deg", 0.0),
         k=np.array(entry.get("K", np.zeros((3, 3))), np.float64),
         lens=_lens_of(entry) if "lens" in entry else None,
+        flash=FlashSpec.read(Fields(entry["flash"], "flash")) if "flash" in entry else None,
     )
 
 

@@ -111,10 +111,12 @@ def label_source(episode: Episode, lidar: SensorCalibration) -> str | None:
     """Id of the semantic LiDAR that labels a LiDAR's points; None: there is none.
 
     That is the LiDAR itself, or the first one at the same place of the same carrier that scans
-    alike.
+    alike, which none does like a flash LiDAR.
     """
     if lidar.content == TAGGED_POINTS:
         return lidar.id
+    if lidar.flash is not None:
+        return None
     twins = (
         sensor.id
         for sensor in episode.sensors

@@ -37,7 +37,8 @@ FACE_AXES: Final = np.array(
 
 LARGEST_PX: Final = 8192
 """Of a recorded picture, width or height."""
-_WIDEST_DEG: Final = 75.0
+WIDEST_DEG: Final = 75.0
+"""From the optical axis, of what one picture holds."""
 _MARGIN_PX: Final = 2
 """Beyond what is shown, so that colours are always between recorded pixels."""
 _GRID: Final = 384
@@ -73,8 +74,25 @@ def source_view(lens: Lens, *, cube: bool, oversampling: float = 1.0) -> SourceV
         BadInputError: the lens shows too much for one picture, or needs too large ones.
     """
     rays, steps = _sampled(lens)
+    return view_of_rays(rays, float(steps.min()), cube=cube, oversampling=oversampling)
+
+
+def view_of_rays(
+    rays: FloatArray, step_rad: float, *, cube: bool, oversampling: float = 1.0
+) -> SourceView:
+    """The picture, or the cube's faces, that holds rays.
+
+    Args:
+        rays: ``(N, 3)`` in optical axes.
+        step_rad: the smallest angle between two of them.
+        cube: whether faces of a cube are recorded, else one pinhole picture.
+        oversampling: recorded pixels per step.
+
+    Raises:
+        BadInputError: the rays go too far apart for one picture, or need too large ones.
+    """
+    focal = oversampling / step_rad
     if cube:
-        focal = oversampling / float(steps.min())
         half = math.ceil(focal) + _MARGIN_PX
         largest = np.abs(rays).argmax(axis=1)
         signs = np.take_along_axis(rays, largest[:, None], axis=1)[:, 0] > 0.0
@@ -86,14 +104,13 @@ def source_view(lens: Lens, *, cube: bool, oversampling: float = 1.0) -> SourceV
         faces = tuple(name for name, axis in order.items() if name == "front" or axis in hit)
         return _checked(2 * half, 2 * half, focal, faces)
     angle = float(arctan2(np.abs(rays[:, :2]), rays[:, 2:]).max())
-    if angle > math.radians(_WIDEST_DEG):
+    if angle > math.radians(WIDEST_DEG):
         raise BadInputError(
             f"The picture reaches {math.degrees(angle):.0f} degrees from the optical axis, more "
-            f"than one pinhole picture can hold ({_WIDEST_DEG:g}).",
+            f"than one pinhole picture can hold ({WIDEST_DEG:g}).",
             "Use longer focal lengths, or the model kannala_brandt.",
         )
     flat = np.abs(rays[:, :2] / rays[:, 2:]).max(axis=0)
-    focal = oversampling / float(steps.min())
     across, down = (2 * (math.ceil(focal * float(one)) + _MARGIN_PX) for one in flat)
     return _checked(across, down, focal, ("front",))
 

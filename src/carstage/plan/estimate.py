@@ -135,8 +135,10 @@ def _pixels(sensor: SensorSpec) -> int:
     return int(attributes["image_size_x"]) * int(attributes["image_size_y"])
 
 
-def _written_pixels(sensor: SensorSpec) -> int:
-    """Of the picture in the dataset; what is recorded for a lens may have more."""
+def _written_data(sensor: SensorSpec) -> int:
+    """Pixels or points of a frame in the dataset; what they are made from may have more."""
+    if sensor.flash is not None:
+        return sensor.flash.most_points
     lens = sensor.lens
     return _pixels(sensor) if lens is None else lens.width * lens.height
 
@@ -148,7 +150,7 @@ def _rays(sensor: SensorSpec, fps: float) -> int:
 def _file_bytes(sensor: SensorSpec) -> float:
     """What a pixel or a point takes in the dataset."""
     kind = sensor_kind(sensor.kind)
-    return kind.raw_bytes if kind.file_bytes is None else kind.file_bytes
+    return kind.datum_bytes if kind.file_bytes is None else kind.file_bytes
 
 
 def _raw_bytes(spec: EpisodeSpec) -> int:
@@ -176,7 +178,7 @@ def _dataset_bytes(spec: EpisodeSpec) -> int:
         if sensor.hidden:
             continue
         if "image_size_x" in sensor.attributes:
-            per_frame += _file_bytes(sensor) * _written_pixels(sensor)
+            per_frame += _file_bytes(sensor) * _written_data(sensor)
         elif "points_per_second" in sensor.attributes:
             per_frame += _file_bytes(sensor) * _rays(sensor, spec.fps)
         else:

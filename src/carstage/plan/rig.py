@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from carstage.config import Config, Sensor
-from carstage.config.attributes import carla_text
+from carstage.config.attributes import FlashAttributes, carla_text
 from carstage.config.occupancy import Occupancy
 from carstage.config.sensors import SEMANTIC_SUFFIX, VOXELS_SUFFIX, CameraSensor, Pose
 from carstage.geometry.lens_sources import face_rotation_deg
@@ -87,11 +87,11 @@ def geometry(attributes: Mapping[str, str]) -> dict[str, str]:
 
 
 def _sensor(sensor: Sensor, config: Config, labelled: bool) -> SensorSpec:
-    lens, faces = None, None
+    lens, attributes = None, sensor.attributes
     if isinstance(sensor, CameraSensor) and sensor.lens is not None:
-        size = sensor.picture_size(config.image_size)
-        lens = sensor.lens.spec(size)
-        faces = sensor.lens.source(size).faces[1:] or None
+        lens = sensor.lens.spec(sensor.picture_size(config.image_size))
+    source = sensor.source(config.image_size)
+    faces = None if source is None else source.faces[1:] or None
     return SensorSpec(
         id=sensor.id,
         kind=sensor.kind,
@@ -105,6 +105,7 @@ def _sensor(sensor: Sensor, config: Config, labelled: bool) -> SensorSpec:
         attachment=sensor.attachment,
         lens=lens,
         faces=None if faces is None else _face_ids(sensor.id, faces),
+        flash=attributes.spec() if isinstance(attributes, FlashAttributes) else None,
     )
 
 
@@ -124,6 +125,7 @@ def _with_faces(sensors: list[SensorSpec]) -> Iterator[SensorSpec]:
             yield replace(
                 sensor,
                 id=face_id,
+                kind=sensor.kind if sensor.flash is None else _DEPTH,
                 hidden=True,
                 labelled=False,
                 pose=replace(pose, pitch_deg=pitch_deg, yaw_deg=yaw_deg, roll_deg=roll_deg),
@@ -131,6 +133,7 @@ def _with_faces(sensors: list[SensorSpec]) -> Iterator[SensorSpec]:
                 instance=None,
                 lens=None,
                 faces=None,
+                flash=None,
             )
 
 

@@ -361,6 +361,8 @@ def _rig(episode: Episode) -> str:
         x, y, z = c.carrier_from_sensor[:3, 3]
         carrier = c.attach_to if c.attachment == "rigid" else f"{c.attach_to}, {c.attachment}"
         image = f"{c.width}×{c.height}, {c.fov_deg:g}°" if c.is_camera else ""
+        if c.flash is not None:
+            image = f"{c.flash.columns}×{c.flash.rows}, {c.flash.horizontal_fov_deg:g}°"
         rows.append(
             (sensor.id, sensor.kind, carrier, f"{x:.2f}, {y:.2f}, {z:.2f}", image, c.codec,
              html.size(sizes[sensor.id]))

@@ -115,6 +115,53 @@ _LIDAR: _Rows = (
         "noise_stddev", unit="m", ge=0),
 )
 
+_FLASH: _Rows = (
+    Attribute("columns", "int", 128, "Columns", "Beams side by side.", None, ge=1, le=1024),
+    Attribute("rows", "int", 32, "Rows", "Beams one above the other.", None, ge=1, le=1024),
+    Attribute("horizontal_fov_deg", "float", 60.0, "Horizontal field of view",
+        "Columns lie in the middles of equal parts of it.", None, unit="deg", gt=0, le=360),
+    Attribute("vertical_fov_deg", "float", 15.0, "Vertical field of view",
+        "Rows lie in the middles of equal parts of it.", None, unit="deg", gt=0, le=180),
+    Attribute("min_range_m", "float", 0.0, "Nearest range", "Nothing nearer is measured.", None,
+        unit="m", ge=0),
+    Attribute("range_m", "float", 100.0, "Range", "Longest distance.", None, unit="m", gt=0,
+        le=990),
+    Attribute("horizontal_divergence_deg", "float or auto", "auto", "Horizontal divergence",
+        "Full angle of a beam; 0: a line; `auto`: up to the next column.", None, unit="deg", ge=0,
+        le=10),
+    Attribute("vertical_divergence_deg", "float or auto", "auto", "Vertical divergence",
+        "Full angle of a beam; 0: a line; `auto`: up to the next row.", None, unit="deg", ge=0,
+        le=10),
+    Attribute("samples", "int", 3, "Samples",
+        "Depths to either side of a beam's footprint; 3: nine in all.", None, ge=1, le=9),
+    Attribute("oversampling", "float or auto", "auto", "Oversampling",
+        "Recorded pixels per sample, straight ahead; `auto`: 4 for lines, 2 for footprints.", None,
+        ge=0.5, le=8),
+    Attribute("returns", "word", "strongest", "Returns",
+        "Which echoes of a beam become points; `dual`: the strongest and the last.", None,
+        words=("first", "strongest", "last", "dual", "all")),
+    Attribute("echo_separation_m", "float", 0.6, "Echo separation",
+        "Gap between two surfaces from which on they are two echoes.", None, unit="m", ge=0),
+    Attribute("reflectivity", "float", 0.5, "Reflectivity", "Of every surface.", None, gt=0, le=1),
+    Attribute("range_reflectivity", "float", 0.0, "Reflectivity at the range",
+        "Of the darkest surface that is seen at range_m, square on; 0: no echo is too weak.", None,
+        ge=0, le=1),
+    Attribute("attenuation_per_m", "float", 0.0, "Attenuation", "Of the air, one way.", None,
+        unit="1/m", ge=0, le=0.1),
+    Attribute("full_scale_range_m", "float", 10.0, "Full scale",
+        "Where a white surface, square on, has intensity 1; 0: intensities do not fall with the "
+        "square of the range.", None, unit="m", ge=0, le=1000),
+    Attribute("noise_stddev_m", "float", 0.0, "Noise", "Standard deviation along the beam.", None,
+        unit="m", ge=0),
+    Attribute("ambient_noise", "float", 0.0, "Ambient noise",
+        "Standard deviation of background light, as a share of the weakest signal.", None, ge=0,
+        le=1),
+    Attribute("false_return_rate", "float", 0.0, "False returns",
+        "Share of the beams with an echo of background light.", None, ge=0, le=1),
+    Attribute("dropoff_rate", "float", 0.0, "Drop-off", "Share of echoes lost at random.", None,
+        ge=0, le=1),
+)
+
 _RADAR: _Rows = (
     Attribute("horizontal_fov_deg", "float", 30.0, "Horizontal field of view", "Width of the cone.",
         "horizontal_fov", unit="deg", gt=0, lt=180),
@@ -188,6 +235,13 @@ SEMANTIC_LIDAR = AttributeSet(
     "A semantic LiDAR's; CARLA gives it neither noise nor drop-off.",
     _SWEEP,
     shape="sweep",
+)
+FLASH_LIDAR = AttributeSet(
+    "FlashLidarAttributes",
+    "A flash LiDAR's. The defaults lose nothing; what each does to the points stands in "
+    "[flash LiDARs](formats/flash-lidar.md).",
+    _FLASH,
+    shape="flash",
 )
 RADAR = AttributeSet(
     "RadarAttributes",

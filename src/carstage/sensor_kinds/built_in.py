@@ -12,6 +12,7 @@ from carstage.releases import Release
 from carstage.sensor_kinds.attributes import (
     CAMERA,
     COLOUR_CAMERA,
+    FLASH_LIDAR,
     GNSS,
     IMU,
     LIDAR,
@@ -62,6 +63,14 @@ def _floats(*names: str) -> Any:
     return tuple(Column(name, "<f4") for name in names)
 
 
+_POINT = _floats("x", "y", "z", "intensity")
+_POINT_CODECS = {
+    "bin": _CODECS + "points:LidarBin",
+    "laz": _CODECS + "points:LidarLaz",
+    "npz": _CODECS + "points:LidarNpz",
+    "pcd": _CODECS + "points:LidarPcd",
+    "ply": _CODECS + "points:LidarPly",
+}
 _TAGGED_POINT = (
     *_floats("x", "y", "z", "cos_incidence"),
     Column("object_idx", "<u4"),
@@ -160,14 +169,8 @@ BUILT_IN = (
         summary="A rotating ray-cast LiDAR.",
         attributes=LIDAR,
         collector=_RAYS + "Lidar",
-        columns=_floats("x", "y", "z", "intensity"),
-        codecs={
-            "bin": _CODECS + "points:LidarBin",
-            "laz": _CODECS + "points:LidarLaz",
-            "npz": _CODECS + "points:LidarNpz",
-            "pcd": _CODECS + "points:LidarPcd",
-            "ply": _CODECS + "points:LidarPly",
-        },
+        columns=_POINT,
+        codecs=_POINT_CODECS,
         modality="lidar",
         icon="lidar",
         field_of_view="sweep",
@@ -190,6 +193,23 @@ BUILT_IN = (
         modality="lidar",
         icon="lidar",
         field_of_view="sweep",
+    ),
+    SensorKind(
+        name="flash_lidar",
+        blueprint="sensor.camera.depth",
+        content=POINTS,
+        title="Flash LiDAR",
+        short="FLASH",
+        description="Flash LiDAR.",
+        summary="A LiDAR whose beams all measure in one instant, made of depth pictures.",
+        attributes=FLASH_LIDAR,
+        collector="carstage.collector.sensors.cameras:Camera",
+        columns=_POINT,
+        recorded=BGRA,
+        codecs=_POINT_CODECS,
+        modality="lidar",
+        icon="lidar",
+        field_of_view="cone",
     ),
     SensorKind(
         name="radar",

@@ -70,7 +70,8 @@ class AttributeSet:
         name: of the section in the configuration's schema.
         sentence: what the section is.
         shape: what else belongs to it: ``camera`` (a picture's size), ``sweep`` (turns and rays
-            that follow the frame rate) or ``plain``.
+            that follow the frame rate), ``flash`` (the depth picture that beams are made from) or
+            ``plain``.
     """
 
     name: str
@@ -105,7 +106,9 @@ class SensorKind:
         description: the kind in a few words; ``summary``: in a sentence.
         collector: ``module:Class`` of the class that makes records of the client's data.
         codecs: ``module:Class`` by codec name, the default first; none for tables.
-        columns: what a raw pixel, point, detection or reading consists of.
+        columns: what a pixel, point, detection or reading consists of.
+        recorded: what a raw pixel consists of where frames are made of pictures of another kind
+            of sensor; the blueprint is that one's. Empty: a raw datum has the same columns.
         file_bytes: upper estimate of what one of them takes in the dataset; None: as recorded.
         twins: kinds that a labelled sensor of this kind needs at its pose; none: no labels.
         since: CARLA's first release that has it.
@@ -128,6 +131,7 @@ class SensorKind:
     attributes: AttributeSet
     collector: str
     columns: Tuple[Column, ...]
+    recorded: Tuple[Column, ...] = ()
     codecs: Mapping[str, str] = field(default_factory=dict)
     file_bytes: Optional[float] = None
     twins: Tuple[str, ...] = ()
@@ -156,7 +160,12 @@ class SensorKind:
     @property
     def raw_bytes(self) -> int:
         """Bytes of a raw pixel, point, detection or reading."""
-        return sum(_SIZES[column.dtype] * column.count for column in self.columns)
+        return _bytes_of(self.recorded or self.columns)
+
+    @property
+    def datum_bytes(self) -> int:
+        """Bytes of a pixel, point, detection or reading, whatever it is made of."""
+        return _bytes_of(self.columns)
 
     @cached_property
     def layout(self) -> struct.Struct:
@@ -165,6 +174,10 @@ class SensorKind:
         return struct.Struct(
             "<" + "".join(codes[column.dtype] * column.count for column in self.columns)
         )
+
+
+def _bytes_of(columns: Tuple[Column, ...]) -> int:
+    return sum(_SIZES[column.dtype] * column.count for column in columns)
 
 
 def load_object(path: str) -> Any:

@@ -33,7 +33,7 @@ def register(kind: SensorKind) -> None:
     if not kind.name.isidentifier() or kind.name != kind.name.lower():
         raise ValueError("sensor kind %r: use small letters, digits and '_'" % kind.name)
     for other in (*_kinds.values(), *_for_labels.values()):
-        if other.blueprint == kind.blueprint:
+        if other.blueprint == kind.blueprint and not (kind.recorded or other.recorded):
             raise ValueError("sensor kind %r: %s is %r" % (kind.name, kind.blueprint, other.name))
     if kind.content not in CAMERAS + CLOUDS + ROWS:
         raise ValueError("sensor kind %r: no content is called %r" % (kind.name, kind.content))

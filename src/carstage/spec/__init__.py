@@ -25,6 +25,7 @@ from carstage.spec.drivers import (
 from carstage.spec.episode import SPEC_VERSION, EpisodeSpec, Seeds
 from carstage.spec.events import EVENT_SPECS, EventSpec, event_plugins, known_events
 from carstage.spec.fields import Fields, SpecError
+from carstage.spec.flash import FlashSpec
 from carstage.spec.labels import BirdsEyeSpec, GroundTruthSpec, LabelsSpec
 from carstage.spec.lenses import LensSpec
 from carstage.spec.occupancy import OccupancySpec
@@ -77,6 +78,7 @@ __all__ = [
     "EpisodeSpec",
     "EventSpec",
     "Fields",
+    "FlashSpec",
     "GroundTruthSpec",
     "GroupSpec",
     "LabelsSpec",

@@ -7,6 +7,7 @@ from typing import Collection, Dict, Mapping, Optional, Tuple
 
 from carstage.sensor_kinds import content_of
 from carstage.spec.fields import Fields, SpecError
+from carstage.spec.flash import FlashSpec
 from carstage.spec.lenses import LensSpec
 from carstage.spec.plain import LEFT_OUT
 
@@ -53,7 +54,8 @@ class SensorSpec:
         depth, instance: of a labelled camera: ids of the sensors with its pose and intrinsics.
         lens: the camera model that its pictures are re-projected to; None: as they are recorded.
         faces: ids of the hidden sensors with the cube's other faces, in the order of ``FACES``;
-            None where one picture holds all that the lens shows.
+            None where one picture holds all that the lens, or the flash LiDAR, looks at.
+        flash: of a flash LiDAR: what it makes of its depth pictures.
     """
 
     id: str
@@ -70,10 +72,11 @@ class SensorSpec:
     instance: Optional[str] = None
     lens: Optional[LensSpec] = field(default=None, metadata=LEFT_OUT)
     faces: Optional[Tuple[str, ...]] = field(default=None, metadata=LEFT_OUT)
+    flash: Optional[FlashSpec] = field(default=None, metadata=LEFT_OUT)
 
     @property
     def streams(self) -> Tuple[str, ...]:
-        """Streams of the raw log that its pictures are made from; its own is the first."""
+        """Streams of the raw log that its frames are made from; its own is the first."""
         return (self.id, *(self.faces or ()))
 
     @property
@@ -99,6 +102,7 @@ class SensorSpec:
             instance=fields.text("instance") if "instance" in fields else None,
             lens=LensSpec.read(fields.object("lens")) if "lens" in fields else None,
             faces=fields.words("faces") if "faces" in fields else None,
+            flash=FlashSpec.read(fields.object("flash")) if "flash" in fields else None,
         )
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from benchmarks.framework.busy_machine import measure_busy_machine
+from benchmarks.framework.flash_lidar import measure_flash_lidar
 from benchmarks.framework.frames_check import check_frames
 from benchmarks.framework.globe import measure_globe
 from benchmarks.framework.interrupting import measure_interrupting
@@ -86,6 +87,12 @@ def test_a_demo_on_a_busy_machine_has_the_files_of_a_calm_one() -> None:
     verdict = measure_busy_machine(demos=1, per_core=1, seconds=0.3, size=SMALL_PICTURE)
     assert verdict.ok, verdict.text()
     assert figures(verdict)["files_compared"] > 20
+
+
+def test_flash_lidars_measure_what_rays_along_their_beams_meet() -> None:
+    verdict = measure_flash_lidar(["Stage01"], 0.4)
+    assert verdict.ok, verdict.text()
+    assert figures(verdict)["range_error_to_rays_m_p99"] < 0.005
 
 
 def test_flow_explains_pictures_and_pedestrians() -> None:

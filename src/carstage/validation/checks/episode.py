@@ -56,6 +56,7 @@ from carstage.validation.checks.files import (
     tables_of,
 )
 from carstage.validation.checks.findings import Findings
+from carstage.validation.checks.flash import check_beams, is_comparable
 from carstage.validation.checks.flow import FlowFigures, check_flow, compare_with_motion
 from carstage.validation.checks.labels import (
     LabelledBox,
@@ -359,10 +360,13 @@ class EpisodeChecks:
             points = points_xyz(data[lidar.id])
             if lidar.content == POINTS:
                 check_intensity(data[lidar.id], lidar.id, k, self._findings)
+                check_beams(points, lidar.calibration, k, self._findings)
                 self._figures.points_in_boxes += check_point_counts(
                     points, lidar.calibration_at(k), k, boxes, self._findings
                 )
             for camera in (sensor for sensor in sensors if sensor.content == DEPTH):
+                if not is_comparable(lidar.calibration):
+                    continue
                 found = compare_with_depth(
                     points, lidar.calibration_at(k), data[camera.id], camera.calibration_at(k)
                 )

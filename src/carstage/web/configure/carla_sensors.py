@@ -120,7 +120,7 @@ def _sensor(entry: Mapping[str, Any], kind: str, name: str, warnings: list[str])
 def _kinds() -> dict[str, str]:
     from carstage.sensor_kinds import kinds
 
-    return {kind.blueprint: kind.name for kind in kinds()}
+    return {kind.blueprint: kind.name for kind in kinds() if not kind.recorded}
 
 
 def _attributes(kind: str) -> set[str]:

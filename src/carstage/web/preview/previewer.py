@@ -20,8 +20,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from carstage.codecs import codec_for
+from carstage.codecs.codec import image_bgra
+from carstage.conversion.flash_lidar import flash_points
 from carstage.conversion.tag_numbers import dataset_payload
 from carstage.files.locks import take_lock
 from carstage.files.whole import write_whole
@@ -88,7 +91,7 @@ class _Stream:
 
     def __init__(self, attempt: Path, sensor: SensorSpec, server: str) -> None:
         self.id = sensor.id
-        self._kind = sensor.kind
+        self._sensor = sensor
         self._server = server
         self._records = NewestRecords(attempt, self.id)
         self._next_s = 0.0
@@ -100,9 +103,26 @@ class _Stream:
         if record is None:
             return None
         self._next_s = max(self._next_s, now_s - _PICTURE_EVERY_S) + _PICTURE_EVERY_S
-        suffix = ".jpg" if sensor_kind(self._kind).is_camera else ".f32"
-        write_whole(folder / f"{self.id}{suffix}", draw_record(self._kind, self._server, record))
+        suffix = ".jpg" if sensor_kind(self._sensor.kind).is_camera else ".f32"
+        drawn = draw_sensor(self._sensor, self._server, record)
+        write_whole(folder / f"{self.id}{suffix}", drawn)
         return record.tick
+
+
+def draw_sensor(
+    sensor: SensorSpec,
+    server: str,
+    record: NewRecord,
+    width: int = _WIDTH,
+    most_points: int = _MOST_POINTS,
+) -> bytes:
+    """What :func:`draw_record` gives; of a flash LiDAR the points that its picture ahead holds."""
+    if sensor.flash is None:
+        return draw_record(sensor.kind, server, record, width, most_points)
+    ahead = image_bgra(record.meta, memoryview(record.payload))
+    nothing_hit = np.full_like(ahead, 255)
+    pictures = np.stack([ahead, *(nothing_hit for _ in sensor.streams[1:])])
+    return _thinned(flash_points(sensor, pictures, record.tick), most_points)
 
 
 def draw_record(
@@ -127,9 +147,13 @@ def draw_record(
     payload = memoryview(dataset_payload(kind, server, memoryview(record.payload)))
     data = codec_for(kind)[1].raw_array(record.meta, payload)
     if content in CLOUDS:
-        points = points_of(content, data)
-        return points[:: max(1, -(-len(points) // most_points))].tobytes()
+        return _thinned(points_of(content, data), most_points)
     return jpeg(scaled(camera_view(content, data, PALETTE), width))
+
+
+def _thinned(points: NDArray[np.float32], most: int) -> bytes:
+    """At most so many points, every n-th one."""
+    return points[:: max(1, -(-len(points) // most))].tobytes()
 
 
 def _attempt(run: Path, status: Mapping[str, Any]) -> Path | None:

@@ -10,7 +10,7 @@ from carstage.report.drawing import birds_eye_view
 from carstage.sensor_kinds import sensor_kind
 from carstage.sensor_kinds.model import DETECTIONS
 from carstage.spec import SensorSpec
-from carstage.web.preview.previewer import draw_record
+from carstage.web.preview.previewer import draw_sensor
 from carstage.web.preview.sensor_views import jpeg, scaled
 
 _QUALITY = 85
@@ -19,7 +19,7 @@ _MOST_POINTS = 200_000
 
 def sensor_picture(sensor: SensorSpec, server: str, record: NewRecord, width: int) -> bytes:
     """JPEG: of a camera what it sees, of LiDAR and radar their points from above."""
-    drawn = draw_record(sensor.kind, server, record, width, _MOST_POINTS)
+    drawn = draw_sensor(sensor, server, record, width, _MOST_POINTS)
     kind = sensor_kind(sensor.kind)
     if kind.is_camera:
         return drawn

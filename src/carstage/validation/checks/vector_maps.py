@@ -12,7 +12,7 @@ from carstage.dataset.reading import Episode
 from carstage.errors import DatasetError, VectorMapError
 from carstage.geometry import FloatArray, GeoFrame
 from carstage.validation.checks.findings import Findings
-from carstage.vector_map import Junction, Lane, VectorMap, vector_map
+from carstage.vector_map import Junction, Lane, PaintedObject, VectorMap, vector_map
 
 _CLOSE_M = 0.025
 """Twice what a chord may be off its curve, and some."""
@@ -141,16 +141,19 @@ def _other(stored: VectorMap, made: VectorMap) -> str | None:
             expected_mark.lane_change,
         ):
             return f"marking {mark.id} is not what the OpenDRIVE text says"
-    for painted, expected in zip(stored.painted_objects, made.painted_objects, strict=True):
-        words = (painted.type, painted.subtype, painted.colour, painted.lanes)
-        if words != (expected.type, expected.subtype, expected.colour, expected.lanes):
-            return f"painted object {painted.id} is not what the OpenDRIVE text says"
+    for paint, expected_paint in zip(stored.painted_objects, made.painted_objects, strict=True):
+        if _words_of(paint) != _words_of(expected_paint):
+            return f"painted object {paint.id} is not what the OpenDRIVE text says"
     for kind, places in _PLACES:
         for one, other in zip(getattr(stored, kind), getattr(made, kind), strict=True):
             a, b = getattr(one, places), getattr(other, places)
             if a.shape != b.shape or np.abs(a - b).max(initial=0.0) > _CLOSE_M:
                 return f"{kind.replace('_', ' ')[:-1]} {one.id} is not where the text puts it"
     return None
+
+
+def _words_of(paint: PaintedObject) -> tuple[object, ...]:
+    return paint.name, paint.type, paint.subtype, paint.colour, paint.lanes
 
 
 def _apart_m(lane: Lane, other: Lane) -> float:

@@ -23,6 +23,7 @@ _ARROW_WAYS = re.compile(r"arrow((?:left|straight|right)+)", re.IGNORECASE)
 _SIDES = {"l": {"left"}, "r": {"right"}, "b": {"left", "right"}, "": set[str]()}
 _ALL_WAYS = {"left", "straight", "right"}
 _NO_OFFSET_M = 1e-6
+_LONGEST_ARROW_M = 30.0
 _SAME_CORNER_M = 0.05
 
 
@@ -41,7 +42,7 @@ def lane_offset_m(road: etree._Element, s_m: float) -> float:
     """How far the middle lane is to the left of the reference line."""
     value, begin = 0.0, -math.inf
     for element in road.iterfind("lanes/laneOffset"):
-        s, a, b, c, d = (float(element.get(name, 0.0)) for name in ("s", "a", "b", "c", "d"))
+        s, a, b, c, d = (_number(element, name) for name in ("s", "a", "b", "c", "d"))
         if begin <= s <= s_m:
             begin, ds = s, s_m - s
             value = a + ds * (b + ds * (c + ds * d))
@@ -53,9 +54,9 @@ def arrow(
 ) -> dict[str, Any] | None:
     """The record of an arrow, see ``signals.PaintedArrow``; None: it is none that can be drawn."""
     ways = arrow_ways(element)
-    sides = sorted(float(element.get(name, 0.0)) for name in ("width", "length"))
-    middle = middle_at(float(element.get("s")))
-    if not ways or sides[0] <= 0.0 or middle is None:
+    sides = sorted(_number(element, name) for name in ("width", "length"))
+    middle = middle_at(_number(element, "s"))
+    if not ways or sides[0] <= 0.0 or sides[1] > _LONGEST_ARROW_M or middle is None:
         return None
     place, heading = _beside(road, element, middle)
     return {
@@ -79,13 +80,13 @@ def crosswalk_shifts(
         corner = element.find("outline/cornerLocal")
         if element.get("type") != "crosswalk" or corner is None:
             continue
-        s_m = float(element.get("s"))
+        s_m = _number(element, "s")
         offset, middle = lane_offset_m(road, s_m), middle_at(s_m)
         if abs(offset) < _NO_OFFSET_M or middle is None:
             continue
         heading = middle[1]
         (x, y, z), turned = _beside(road, element, middle)
-        u, v = float(corner.get("u", 0.0)), float(corner.get("v", 0.0))
+        u, v = _number(corner, "u"), _number(corner, "v")
         # To the left is towards negative y where the heading is that of x.
         left = (math.sin(heading), -math.cos(heading))
         shift = (offset * left[0], offset * left[1])
@@ -119,7 +120,16 @@ def _beside(
 ) -> tuple[Place, float]:
     """Place and heading of an object, from the road's middle at its station."""
     (x, y, z), heading = middle
-    to_left = float(element.get("t", 0.0)) - lane_offset_m(road, float(element.get("s")))
+    to_left = _number(element, "t") - lane_offset_m(road, _number(element, "s"))
     place = (x + to_left * math.sin(heading), y - to_left * math.cos(heading), z)
     # OpenDRIVE turns to the left, CARLA to the right.
-    return place, heading - float(element.get("hdg", 0.0))
+    return place, heading - _number(element, "hdg")
+
+
+def _number(element: etree._Element, name: str) -> float:
+    """A number of an attribute; 0 where it is none, as the client's reader has it."""
+    try:
+        value = float(element.get(name, "0"))
+    except ValueError:
+        return 0.0
+    return value if math.isfinite(value) else 0.0

@@ -13,7 +13,7 @@ import small_maps
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.baking import BakeOptions, bake, sample_in_child
 from carstage_sim.maps.markings import painted_arrows
-from carstage_sim.maps.road_objects import arrow_ways
+from carstage_sim.maps.road_objects import arrow, arrow_ways
 from carstage_sim.maps.signals import PaintedArrow, signal_plan
 
 HEADING = 0.5
@@ -61,6 +61,29 @@ def test_an_arrow_lies_and_points_where_opendrive_has_it(samples) -> None:
     np.testing.assert_allclose(arrow.location[:2], at(60, -0.25), atol=2e-3)
     assert arrow.yaw_deg == pytest.approx(-math.degrees(HEADING), abs=1e-3)
     assert (arrow.ways, arrow.length_m, arrow.width_m) == (frozenset({"right"}), 2.5, 1.9)
+
+
+@pytest.mark.parametrize(
+    "text_of",
+    [
+        'name="Stencil_ArrowType1" s="5" t="0" width="nan" length="3"',
+        'name="Stencil_ArrowType1" s="5" t="0" width="1" length="1e9"',
+        'name="Stencil_ArrowType1" s="5" t="0" width="wide" length="3"',
+        'name="Stencil_ArrowType1" s="5" t="0"',
+    ],
+)
+def test_an_arrow_without_a_size_that_can_be_is_left_out(text_of: str) -> None:
+    element = etree.fromstring(f"<object {text_of}/>")
+    assert arrow(etree.fromstring("<road/>"), element, lambda s_m: ((0.0, 0.0, 0.0), 0.0)) is None
+
+
+def test_an_arrow_with_a_place_that_is_no_number_stands_at_the_begin() -> None:
+    attributes = 'name="Stencil_ArrowType1" s="far" t="inf" hdg="?" width="1" length="3"'
+    element = etree.fromstring(f"<object {attributes}/>")
+    road = etree.fromstring('<road><lanes><laneOffset s="x" a="nan"/></lanes></road>')
+    found = arrow(road, element, lambda s_m: ((s_m, 0.0, 0.0), 0.0))
+    assert found is not None
+    assert found["location"] == (0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("ways", [{"left"}, {"straight"}, {"left", "straight", "right"}])

@@ -10,7 +10,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.framework.peer_methods import PeerDecision
+from carstage.annotation.classes import WALKER_CLASSES
 from carstage.annotation.pixels import occlusion_bin
+from carstage.annotation.stage_vo import LEVEL_UNKNOWN
 from carstage.bench.verdict import Figure
 from carstage.geometry import Rectangle
 
@@ -23,6 +26,10 @@ BOX_PX: Final = 400
 PARTLY: Final = (0.1, 0.9)
 STAGE_VO: Final = "stage_vo"
 METHODS: Final = ("instance", "depth and tags", "depth")
+PEERS: Final = (
+    "carla_2dbbox", "carla_2dbbox_as_described", "carfree", "carfree_any_size",
+)  # fmt: skip
+"""Methods of other tools; they have a decision and a box alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +122,14 @@ def estimate_by_vertices(row: Mapping[str, Any] | None) -> Estimate:
     return Estimate(None, None, row["occluded"], row["visible_stage_vo"])
 
 
+def estimate_by_peer(decision: PeerDecision, true_box: Rectangle | None) -> Estimate:
+    """The estimate of a method that decides and gives a box."""
+    overlap = None
+    if true_box is not None:
+        overlap = 0.0 if decision.box is None else iou(true_box, decision.box)
+    return Estimate(None, None, LEVEL_UNKNOWN, decision.visible, overlap)
+
+
 def iou(a: Sequence[float], b: Sequence[float]) -> float:
     """Intersection over union of two rectangles x0, y0, x1, y1 with an area."""
     width = min(a[2], b[2]) - max(a[0], b[0])
@@ -169,6 +184,12 @@ def figures(findings: Sequence[Finding], *, objects: int, classes: int, towns: i
         Figure("stage_vo_level_agrees", _level_agrees(findings, STAGE_VO)),
         Figure("stage_vo_free_objects_called_occluded", _free_called_occluded(findings, STAGE_VO)),
         Figure("stage_vo_level_unknown", _unknown(findings)),
+        *(figure for peer in PEERS for figure in _peer(findings, peer)),
+        *(
+            figure
+            for method in (*METHODS, STAGE_VO, *PEERS)
+            for figure in _wrong_decisions(findings, method)
+        ),
     ]
 
 
@@ -189,6 +210,26 @@ def _method(findings: Sequence[Finding], method: str, box: Figure) -> list[Figur
         Figure(f"{name}_f1", _f1(findings, method), ">=", 0.99),
         Figure(f"{name}_level_agrees", _level_agrees(findings, method)),
         Figure(f"{name}_free_objects_called_occluded", _free_called_occluded(findings, method)),
+    ]
+
+
+def _peer(findings: Sequence[Finding], method: str) -> list[Figure]:
+    vehicles = [f for f in findings if f.object_class not in WALKER_CLASSES]
+    return [
+        Figure(f"{method}_f1", _f1(findings, method)),
+        Figure(f"{method}_f1_vehicles", _f1(vehicles, method)),
+        Figure(f"{method}_box_iou_median", _median(findings, method)),
+    ]
+
+
+def _wrong_decisions(findings: Sequence[Finding], method: str) -> list[Figure]:
+    """Shares of what is visible, and of what is not, that a method has otherwise."""
+    name = method.replace(" ", "_")
+    hidden = (f.labels[method].visible for f in findings if not f.visible)
+    missed = (not f.labels[method].visible for f in findings if f.visible)
+    return [
+        Figure(f"{name}_visible_called_hidden", _mean(missed)),
+        Figure(f"{name}_hidden_called_visible", _mean(hidden)),
     ]
 
 

@@ -3,7 +3,7 @@
 A client (``clients.isolated_objects``) sets up scenes in several towns. It records what labels are
 made from, and each object isolated, as no dataset can. The labeller, as it ships, labels the
 scenes. Its visible pixels, occlusion, 2D boxes and visibility are compared with what the pictures
-of the scene and of the isolated object show.
+of the scene and of the isolated object show; beside it, the decisions of two other tools' methods.
 """
 
 from __future__ import annotations
@@ -22,14 +22,21 @@ from benchmarks.framework.label_scores import (
     STAGE_VO,
     Finding,
     estimate,
+    estimate_by_peer,
     estimate_by_vertices,
     figures,
     table,
 )
 from benchmarks.framework.level_truth import LevelFinding, compare_level, level_figures
 from benchmarks.framework.masks import inside_polygon, tight_box
+from benchmarks.framework.peer_methods import (
+    PeerDecision,
+    PeerObject,
+    class_pixels,
+    depth_patch,
+)
 from carstage.annotation import CameraImages, EpisodeLabeller
-from carstage.annotation.classes import WALKER_CLASSES, object_class
+from carstage.annotation.classes import RIDER_TAG, WALKER_CLASSES, object_class
 from carstage.annotation.decoding import decode_instance_bgra
 from carstage.annotation.pixels import BODY_REACH_M, BOX_MARGIN_M
 from carstage.bench.episodes import Progress, events_of
@@ -51,6 +58,7 @@ from carstage.geometry import (
 from carstage.rawlog.reader import EpisodeLog, WorldFrame
 from carstage.server import EmbeddedServer, Endpoint
 from carstage.spec.defaults import MAX_DISTANCE_M
+from carstage.tags import vehicle_tags, walker_tags
 
 TOWNS: Final = ("Stage01", "Stage02", "Stage03")
 SCENES: Final = 14
@@ -178,10 +186,12 @@ def compare(log: EpisodeLog, town: str) -> tuple[list[Finding], list[LevelFindin
             method: _rows(labeller, scene, images) for method, images in _evidence(scene).items()
         }
         optical = _camera(log.header, scene.world)
-        for truth in scene.truths:
+        peers = _peers(scene, optical, server)
+        for number, truth in enumerate(scene.truths):
             box = _world_from_box(scene.world, truth)
             if np.linalg.norm(transform_points(optical, box[:3, 3])) <= MAX_DISTANCE_M:
-                found.append(_finding(town, scene, truth, rows, optical, box))
+                of_peers = {name: found_by[number] for name, found_by in peers.items()}
+                found.append(_finding(town, scene, truth, rows, of_peers, optical, box))
         height, width = scene.depth_m.shape
         k = intrinsics(width, height, _FOV_DEG)
         level += compare_level(
@@ -200,6 +210,36 @@ def _evidence(scene: LabelScene) -> dict[str, CameraImages]:
     }
 
 
+def _peers(
+    scene: LabelScene, optical: FloatArray, server: str
+) -> dict[str, Sequence[PeerDecision]]:
+    """What methods of other tools say of the objects of a scene, in their order."""
+    _, tags = decode_instance_bgra(scene.instance_bgra)
+    height, width = scene.depth_m.shape
+    k = intrinsics(width, height, _FOV_DEG)
+    is_walker = np.isin(tags, list(walker_tags(server)))
+    # Riders belong to the vehicles of the servers that CarFree was written for.
+    is_vehicle = np.isin(tags, [*vehicle_tags(server), RIDER_TAG])
+    objects = [
+        PeerObject.of(
+            optical,
+            _world_from_box(scene.world, truth),
+            truth.actor.box_extent,
+            scene.world.location[scene.world.row(truth.actor.id)],
+            is_walker=object_class(truth.actor) in WALKER_CLASSES,
+        )
+        for truth in scene.truths
+    ]
+    return {
+        "carla_2dbbox": [depth_patch(one, k, scene.depth_m) for one in objects],
+        "carla_2dbbox_as_described": [
+            depth_patch(one, k, scene.depth_m, as_described=True) for one in objects
+        ],
+        "carfree": class_pixels(objects, k, is_vehicle, is_walker),
+        "carfree_any_size": class_pixels(objects, k, is_vehicle, is_walker, any_size=True),
+    }
+
+
 def _rows(
     labeller: EpisodeLabeller, scene: LabelScene, images: CameraImages
 ) -> dict[int, dict[str, Any]]:
@@ -212,6 +252,7 @@ def _finding(
     scene: LabelScene,
     truth: IsolatedTruth,
     rows: Mapping[str, Mapping[int, dict[str, Any]]],
+    peers: Mapping[str, PeerDecision],
     optical: FloatArray,
     box: FloatArray,
 ) -> Finding:
@@ -220,6 +261,7 @@ def _finding(
     of_actor = {method: found.get(truth.actor.id) for method, found in rows.items()}
     labels = {method: estimate(row, true_box) for method, row in of_actor.items()}
     labels[STAGE_VO] = estimate_by_vertices(of_actor["instance"])
+    labels |= {peer: estimate_by_peer(one, true_box) for peer, one in peers.items()}
     height, width = scene.depth_m.shape
     kind = object_class(truth.actor) or ""
     reach_m = BODY_REACH_M if kind in WALKER_CLASSES else BOX_MARGIN_M

@@ -2,7 +2,8 @@
 
 Drives are recorded in each town with lines in pictures, tags and depth. Each pixel that the
 semantic picture calls a road line, up to 40 m away, is looked for near the outlines of markings,
-stop lines and crosswalks: polygons of Shapely, of the lines' own places in metres of the camera.
+stop lines, crosswalks and painted objects such as arrows: polygons of Shapely, of the lines' own
+places in metres of the camera.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from carstage import Dataset
 from carstage.bench.verdict import Figure, Verdict
 from carstage.dataset import Episode, Frame
 from carstage.geometry import FloatArray
+from carstage.lane_lines.town import AREAS
 from carstage.tags import TAGS_0_9_14
 
 BUILT_IN = ("Stage01", "Stage02", "Stage03")
@@ -130,7 +132,7 @@ def _up(frame: Frame) -> FloatArray:
 
 def _outlines(row: dict[str, Any], up: FloatArray, k: FloatArray) -> Iterator[shapely.Geometry]:
     places = np.column_stack([row["x"], row["y"], row["z"]])
-    if row["kind"] in ("crosswalk", "stop_line"):
+    if row["kind"] in AREAS:
         yield _projected(places, k)
     elif row["kind"] == "marking":
         half = (row["width"] or _UNKNOWN_WIDTH_M) / 2

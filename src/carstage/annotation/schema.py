@@ -301,7 +301,7 @@ LANE_LINE_COLUMNS: tuple[Column, ...] = (
     Column(
         "kind",
         "str",
-        "marking, boundary, crosswalk, stop_line",
+        "marking, boundary, crosswalk, stop_line, painted_object",
         "a `boundary` is that of a driven lane where nothing is painted",
     ),
     Column(
@@ -311,8 +311,10 @@ LANE_LINE_COLUMNS: tuple[Column, ...] = (
         "id in the vector map; of a boundary the id of its lane, and `left` or `right`",
     ),
     Column("part", "i32", "", "from 0: a line may leave the picture and come back"),
-    Column("type", "str", "", "of a marking, as in the vector map; else empty"),
-    Column("colour", "str", "", "of a marking, as in the vector map; else empty"),
+    Column("type", "str", "", "of a marking or a painted object, as in the vector map; else empty"),
+    Column(
+        "colour", "str", "", "of a marking or a painted object, as in the vector map; else empty"
+    ),
     Column(
         "width",
         "f64",

@@ -31,6 +31,7 @@ FORMATS = (
     "123d",
     "coco",
     "kitti-object",
+    "kitti-stereo",
     "kitti-tracking",
     "mcap",
     "nuscenes",

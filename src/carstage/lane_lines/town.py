@@ -13,8 +13,8 @@ from carstage.geometry import FloatArray
 from carstage.vector_map import StopLine, VectorMap
 from carstage.vector_map.model import DRIVEN_TYPES
 
-LineKind = Literal["marking", "boundary", "crosswalk", "stop_line"]
-AREAS: Final = ("crosswalk", "stop_line")
+LineKind = Literal["marking", "boundary", "crosswalk", "stop_line", "painted_object"]
+AREAS: Final = ("crosswalk", "stop_line", "painted_object")
 """Kinds whose places are the corners of an area, not a line."""
 STEP_M: Final = 1.0
 """Two places of a line are no farther apart."""
@@ -29,7 +29,7 @@ class TownLine:
     Attributes:
         kind: what it is; a ``boundary`` is that of a driven lane where nothing is painted.
         map_id: its id in the vector map; of a boundary that of its lane, and ``left`` or ``right``.
-        type, colour: of a marking as in the vector map; else empty.
+        type, colour: of a marking or a painted object as in the vector map; else empty.
         width_m: of a marking's paint, of double lines over both; of a stop line; else 0.
         places: ``(N, 3)`` in the world (m); of an area its corners, not closed.
     """
@@ -93,6 +93,9 @@ def _lines(town: VectorMap) -> Iterator[TownLine]:
     for stop in town.stop_lines:
         corners = _stop_area(stop)
         yield TownLine("stop_line", stop.id, "", "", STOP_LINE_DEPTH_M, corners)
+    for painted in town.painted_objects:
+        corners = painted.outline[:-1]
+        yield TownLine("painted_object", painted.id, painted.type, painted.colour, 0.0, corners)
 
 
 def with_steps(line: FloatArray, step_m: float = STEP_M) -> FloatArray:

@@ -190,6 +190,7 @@ def _town(draw: ImageDraw.ImageDraw, canvas: _Canvas, episodes: Sequence[Episode
     shapes += [(mark.line, _MARKING[mark.colour == "yellow"]) for mark in town.markings]
     shapes += [(walk.outline, _CROSSWALK) for walk in town.crosswalks]
     shapes += [(stop.line, _STOP_LINE) for stop in town.stop_lines]
+    shapes += [(one.outline, _MARKING[one.colour == "yellow"]) for one in town.painted_objects]
     for line, colour in shapes:
         draw.line([tuple(point) for point in canvas.pixels(line).tolist()], fill=colour)
 

@@ -26,6 +26,7 @@ LINE_COLOURS: dict[str, RgbColour] = {
     "boundary": (96, 220, 110),
     "crosswalk": (255, 105, 180),
     "stop_line": (238, 90, 40),
+    "painted_object": (0, 235, 215),
     "hidden": _HIDDEN,
 }
 

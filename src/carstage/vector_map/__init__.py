@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         Junction,
         Lane,
         Marking,
+        PaintedObject,
         Signal,
         SpeedLimit,
         StopLine,
@@ -30,6 +31,7 @@ __all__ = [
     "Junction",
     "Lane",
     "Marking",
+    "PaintedObject",
     "Signal",
     "SpeedLimit",
     "StopLine",
@@ -44,7 +46,8 @@ __getattr__ = lazy_names(
     __name__,
     {
         "building": "vector_map",
-        "model": "Crosswalk Junction Lane Marking Signal SpeedLimit StopLine VectorMap",
+        "model": "Crosswalk Junction Lane Marking PaintedObject Signal SpeedLimit StopLine "
+        "VectorMap",
         "table": "from_table to_geojson to_table",
     },
 )

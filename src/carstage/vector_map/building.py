@@ -12,6 +12,7 @@ from carstage.vector_map.lanes import road_lanes
 from carstage.vector_map.links import lane_links
 from carstage.vector_map.model import Junction, Lane, Marking, VectorMap
 from carstage.vector_map.objects import crosswalks, painted_stop_lines, signals
+from carstage.vector_map.painted import painted_objects
 
 MOST_POINTS = 10_000_000
 """Of all centre lines. CARLA's largest town has less than a tenth of it."""
@@ -58,6 +59,7 @@ def vector_map(opendrive: str | bytes) -> VectorMap:
         crosswalks=tuple(walk for road in roads for walk in crosswalks(road)),
         stop_lines=(*painted_stops, *derived),
         signals=tuple(placed),
+        painted_objects=tuple(one for road in roads for one in painted_objects(road, by_id)),
     )
 
 

@@ -1,4 +1,4 @@
-"""What a vector map is made of: lanes, markings, junctions, crosswalks, stop lines, signals.
+"""What a vector map is made of: lanes, markings, junctions, crosswalks, stop lines, signals, paint.
 
 Places are metres in CARLA's frame (docs/conventions.md). Polylines run in the direction of travel.
 """
@@ -156,6 +156,31 @@ class StopLine:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class PaintedObject:
+    """Something painted on the road that the map has as an object.
+
+    Attributes:
+        id: OpenDRIVE's.
+        name: as the map has it.
+        type: ``arrow``, ``text``, ``line`` or ``region``.
+        subtype: of an arrow its ways, such as ``left straight``; of a text what the map calls it;
+            of a line ``solid`` or ``broken``; of a region such as ``chevron``. Empty: not known.
+        colour: ``white`` or ``yellow``.
+        outline: ``(N, 3)``, closed; of an arrow or a text the rectangle around it.
+        lanes: ids of the lanes that it lies on.
+    """
+
+    id: str
+    road_id: int
+    name: str
+    type: str
+    subtype: str
+    colour: str
+    outline: FloatArray
+    lanes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Signal:
     """A traffic light or a sign.
 
@@ -193,6 +218,7 @@ class VectorMap:
     crosswalks: tuple[Crosswalk, ...] = ()
     stop_lines: tuple[StopLine, ...] = ()
     signals: tuple[Signal, ...] = ()
+    painted_objects: tuple[PaintedObject, ...] = ()
 
     @cached_property
     def lane_by_id(self) -> dict[str, Lane]:

@@ -50,11 +50,13 @@ def crosswalks(road: Road) -> Iterator[Crosswalk]:
     """
     for element in road.element.iterfind("objects/object"):
         if word(element, "type").lower() == "crosswalk":
-            corners = _corners(road, element)
+            corners = corners_of(road, element)
             if len(corners) >= 3:
                 ring = corners if np.allclose(corners[0], corners[-1]) else [*corners, corners[0]]
                 outline = np.array(ring, np.float64)
-                yield Crosswalk(_id(road, element), road.number, word(element, "name"), outline)
+                yield Crosswalk(
+                    object_id(road, element), road.number, word(element, "name"), outline
+                )
 
 
 def painted_stop_lines(road: Road, lanes: Mapping[str, Lane]) -> Iterator[StopLine]:
@@ -67,14 +69,14 @@ def painted_stop_lines(road: Road, lanes: Mapping[str, Lane]) -> Iterator[StopLi
         name = word(element, "name").lower().replace("_", "").replace(" ", "")
         if not name.startswith("stopline"):
             continue
-        corners = np.array(_corners(road, element), np.float64)
+        corners = np.array(corners_of(road, element), np.float64)
         if len(corners) < 2:
             continue
         line = _middle_line(corners)
         ended = tuple(
-            sorted(lane for lane in _at_station(road, element) if _ends(lanes, lane, line))
+            sorted(lane for lane in lanes_at_station(road, element) if _ends(lanes, lane, line))
         )
-        yield StopLine(_id(road, element), road.number, line, ended, (), "object")
+        yield StopLine(object_id(road, element), road.number, line, ended, (), "object")
 
 
 def signals(
@@ -118,7 +120,7 @@ def _signal(
     road: Road, element: etree._Element, lanes: tuple[str, ...], controllers: tuple[str, ...]
 ) -> Signal:
     where = f"road {road.number}, signal {word(element, 'id')}"
-    s, t = _station(road, element), number(element, "t", where, 0.0, FARTHEST_M)
+    s, t = station_of(road, element), number(element, "t", where, 0.0, FARTHEST_M)
     place = road.course.beside(np.array([s]), np.array([[t]]))[0, 0]
     place[2] += number(element, "zOffset", where, 0.0, FARTHEST_M)
     value = number(element, "value", where, -1.0)
@@ -149,7 +151,7 @@ def _governed(road: Road, element: etree._Element) -> list[str]:
         sorted((whole(one, "fromLane", where), whole(one, "toLane", where)))
         for one in element.iterfind("validity")
     ]
-    s = _station(road, element)
+    s = station_of(road, element)
     index = _section_at(road, s)
     if index is None:
         return []
@@ -171,7 +173,7 @@ def _governed(road: Road, element: etree._Element) -> list[str]:
 
 def _beside(road: Road, element: etree._Element) -> list[str]:
     """The lanes on the side of the road where a sign stands."""
-    index = _section_at(road, _station(road, element))
+    index = _section_at(road, station_of(road, element))
     if index is None:
         return []
     side = number(element, "t", f"road {road.number}", 0.0, FARTHEST_M)
@@ -195,7 +197,7 @@ def _stops(
     """
     if road.junction is not None and predecessors.get(lane):
         return [f"{before}@" for before in predecessors[lane] if before in lanes]
-    return [f"{lane}@{_station(road, element):.3f}"]
+    return [f"{lane}@{station_of(road, element):.3f}"]
 
 
 def _stop_line(lanes: Mapping[str, Lane], stop: str, names: tuple[str, ...]) -> StopLine:
@@ -216,10 +218,13 @@ def _stop_line(lanes: Mapping[str, Lane], stop: str, names: tuple[str, ...]) -> 
     return StopLine(stop, lane.road_id, line, (name,), names, "signal")
 
 
-def _corners(road: Road, element: etree._Element) -> list[FloatArray]:
-    """Corners of an object in CARLA's frame: its first outline, else its length and width."""
+def corners_of(road: Road, element: etree._Element) -> list[FloatArray]:
+    """Corners of an object in CARLA's frame: its first outline, else its length and width.
+
+    Raises:
+        VectorMapError: they are not to be read, or too far away.
+    """
     where = f"road {road.number}, object {word(element, 'id')}"
-    s, t = _station(road, element), number(element, "t", where, 0.0, FARTHEST_M)
     outline = element.find("outline")
     if outline is None:
         outline = element.find("outlines/outline")
@@ -244,21 +249,25 @@ def _corners(road: Road, element: etree._Element) -> list[FloatArray]:
                 for along, beside in ((-1, -1), (1, -1), (1, 1), (-1, 1))
             ]
     if local:
-        places += list(_turned(road, element, s, t, np.array(local)))
+        places += list(placed(road, element, np.array(local)))
     found = np.array(places).reshape(-1, 3)
     if not (np.abs(found) <= FARTHEST_M).all():
         refuse(where, f"it is beyond {FARTHEST_M / 1e3:.0f} km")
     return list(carla_places(found))
 
 
-def _turned(
-    road: Road, element: etree._Element, s: float, t: float, local: FloatArray
-) -> FloatArray:
-    """Places of corners in an object's own frame, which is turned about the vertical alone."""
+def placed(road: Road, element: etree._Element, local: FloatArray) -> FloatArray:
+    """Places in OpenDRIVE's frame of corners in an object's own.
+
+    That frame is turned about the vertical alone.
+
+    Raises:
+        VectorMapError: the object's pose is not to be read.
+    """
     where = f"road {road.number}, object {word(element, 'id')}"
-    station = np.array([s])
-    heading = float(road.course.at(station)[1][0]) + number(element, "hdg", where, 0.0)
-    origin = road.course.beside(station, np.array([[t]]))[0, 0]
+    s, t = np.array([station_of(road, element)]), number(element, "t", where, 0.0, FARTHEST_M)
+    heading = float(road.course.at(s)[1][0]) + number(element, "hdg", where, 0.0)
+    origin = road.course.beside(s, np.array([[t]]))[0, 0]
     origin[2] += number(element, "zOffset", where, 0.0, FARTHEST_M)
     c, sine = np.cos(heading), np.sin(heading)
     u, v, z = local.T
@@ -278,8 +287,9 @@ def _middle_line(corners: FloatArray) -> FloatArray:
     return corners[np.argsort(along)]
 
 
-def _at_station(road: Road, element: etree._Element) -> list[str]:
-    index = _section_at(road, _station(road, element))
+def lanes_at_station(road: Road, element: etree._Element) -> list[str]:
+    """Ids of the lanes at an object's station that somebody drives on."""
+    index = _section_at(road, station_of(road, element))
     if index is None:
         return []
     lanes = road.sections[index].lanes
@@ -305,7 +315,12 @@ def _side(begin: FloatArray, end: FloatArray, place: FloatArray) -> FloatArray:
     return np.asarray(way[..., 0] * to[..., 1] - way[..., 1] * to[..., 0])
 
 
-def _station(road: Road, element: etree._Element) -> float:
+def station_of(road: Road, element: etree._Element) -> float:
+    """The station of an object or a signal on its road (m).
+
+    Raises:
+        VectorMapError: it has none.
+    """
     where = f"road {road.number}, <{element.tag}> {word(element, 'id')}"
     return min(max(number(element, "s", where, 0.0, MOST_ROAD_M), 0.0), road.length_m)
 
@@ -315,5 +330,6 @@ def _section_at(road: Road, s: float) -> int | None:
     return begun[-1] if begun else (0 if road.sections else None)
 
 
-def _id(road: Road, element: etree._Element) -> str:
+def object_id(road: Road, element: etree._Element) -> str:
+    """The id of an object, else its road and station."""
     return word(element, "id") or f"{road.number}@{word(element, 's')}"

@@ -19,6 +19,7 @@ from carstage.vector_map.model import (
     Junction,
     Lane,
     Marking,
+    PaintedObject,
     Signal,
     SpeedLimit,
     StopLine,
@@ -176,6 +177,9 @@ def _rows(town: VectorMap) -> Iterator[Row]:
     for signal in town.signals:
         row = _fields(signal, without={"place"})
         yield {"kind": "signal", "shape": ("Point", signal.place.reshape(1, 3)), **row}
+    for painted in town.painted_objects:
+        row = _fields(painted, without={"outline"})
+        yield {"kind": "painted_object", "shape": ("Polygon", painted.outline), **row}
 
 
 def _fields(feature: Any, without: set[str]) -> Row:
@@ -282,6 +286,10 @@ def _signal(row: Row) -> Signal:
     return Signal(**_same(row, Signal, {"place"}), place=place[0])
 
 
+def _painted_object(row: Row) -> PaintedObject:
+    return PaintedObject(**_same(row, PaintedObject, {"outline"}), outline=_line(row, "world"))
+
+
 def _same(row: Row, feature: Any, without: set[str]) -> Row:
     """The columns that have a field's own name; lists as tuples."""
     names = [name for name in feature.__slots__ if name not in without]
@@ -295,5 +303,6 @@ _READERS: dict[str, Callable[[Row], Any]] = {
     "crosswalk": _crosswalk,
     "stop_line": _stop_line,
     "signal": _signal,
+    "painted_object": _painted_object,
 }
 """In the order of the fields of a ``VectorMap``."""

@@ -34,6 +34,7 @@ from carstage_sim.maps.signals import (
     SPEED_LIMIT,
     STOP,
     GovernedLane,
+    PaintedArrow,
     SignalPlan,
     signal_plan,
 )
@@ -90,6 +91,7 @@ class _Level:
     drape: Drape
     cuts: list[BaseGeometry]
     stops: list[GovernedLane]
+    arrows: list[PaintedArrow]
 
     @property
     def extent(self) -> BaseGeometry:
@@ -125,7 +127,9 @@ def bake(name: str, opendrive: str, options: BakeOptions = EVERYTHING) -> Town:
     surface: list[LevelSurface] = []
     for level in levels:
         pits, buildings = ([], []) if level.number else (stage.pits, stage.buildings)
-        layers = ground_layers(level.ground, level.lanes, plan, level.stops, pits, buildings)
+        layers = ground_layers(
+            level.ground, level.lanes, plan, level.stops, level.arrows, pits, buildings
+        )
         cuts = level.cuts if level.number else level.cuts + _land_cuts(level)
         surface.append(
             LevelSurface(
@@ -196,10 +200,15 @@ def _levels(lanes: list[Strip], crossings: list[Crosswalk], plan: SignalPlan) ->
         for lane in signal.lanes:
             place = np.array([lane.stop[:2]])
             stops[_nearest_level(drapes, place, lane.stop[2])].append(lane)
+    arrows: dict[int, list[PaintedArrow]] = {n: [] for n in numbers}
+    for arrow in plan.arrows:
+        place = np.array([arrow.location[:2]])
+        arrows[_nearest_level(drapes, place, arrow.location[2])].append(arrow)
     result: list[_Level] = []
     for n in reversed(numbers):
         ground = surfaces(members[n], walks[n], with_land=n == 0)
-        result.append(_Level(n, members[n], ground, drapes[n], profile_cuts(members[n]), stops[n]))
+        cuts = profile_cuts(members[n])
+        result.append(_Level(n, members[n], ground, drapes[n], cuts, stops[n], arrows[n]))
     return result[::-1]
 
 

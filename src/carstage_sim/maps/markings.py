@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 from shapely.ops import substring
 
-from carstage_sim.maps.signals import GovernedLane, SignalPlan
+from carstage_sim.maps.signals import GovernedLane, PaintedArrow, SignalPlan
 from carstage_sim.maps.strips import WALKED_KINDS, LaneMark, Strip
 
 DASH_M = 3.0
@@ -76,21 +76,37 @@ def stop_lines(stops: Sequence[GovernedLane]) -> BaseGeometry:
     taken: list[tuple[float, ...]] = []
     # Ways on from one lane have stops close to each other; the first one counts.
     for lane in sorted(stops, key=lambda lane: (lane.road_id, lane.lane_id)):
-        if any(math.dist(lane.stop[:2], other) < _SAME_STOP_M for other in taken):
+        if any(math.dist(lane.line[:2], other) < _SAME_STOP_M for other in taken):
             continue
-        taken.append(lane.stop[:2])
-        yaw = math.radians(lane.yaw_deg)
+        taken.append(lane.line[:2])
+        yaw = math.radians(lane.line_yaw_deg)
         ahead = np.array([math.cos(yaw), math.sin(yaw)])
         right = np.array([-ahead[1], ahead[0]])
-        far = np.array(lane.stop[:2])
+        far = np.array(lane.line[:2])
         near = far - STOP_LINE_WIDTH_M * ahead
         side = (lane.width_m / 2 - _STOP_LINE_FROM_EDGE_M) * right
         bars.append(shapely.Polygon([near - side, near + side, far + side, far - side]))
     return shapely.union_all(bars)
 
 
+def painted_arrows(arrows: Sequence[PaintedArrow]) -> BaseGeometry:
+    """The arrows that the file has: each fills its rectangle."""
+    found = []
+    for arrow in arrows:
+        shapes = [np.array(shape) for shape in _arrow(arrow.ways)]
+        low, high = (edge(np.concatenate(shapes), axis=0) for edge in (np.min, np.max))
+        scale = np.array([arrow.length_m, arrow.width_m]) / (high - low)
+        yaw = math.radians(arrow.yaw_deg)
+        # The outlines have left positive, CARLA's y is to the right.
+        axes = np.array([[math.cos(yaw), math.sin(yaw)], [math.sin(yaw), -math.cos(yaw)]])
+        for shape in shapes:
+            corners = ((shape - (low + high) / 2) * scale) @ axes + arrow.location[:2]
+            found.append(shapely.Polygon(corners))
+    return shapely.union_all(found)
+
+
 def turn_arrows(lanes: list[Strip], plan: SignalPlan) -> BaseGeometry:
-    """Arrows on the lanes of wide approaches: where each lane leads."""
+    """Arrows on the lanes of wide approaches: where each lane leads, for files without arrows."""
     driving = [lane for lane in lanes if lane.kind == "driving" and lane.junction_id == -1]
     beside = Counter((lane.road_id, lane.section_id, lane.lane_id > 0) for lane in driving)
     last: dict[tuple[int, int], Strip] = {}

@@ -19,6 +19,7 @@ import carla
 import numpy as np
 from lxml import etree
 
+from carstage_sim.maps.road_objects import MiddleAt, arrow, crosswalk_shifts, unshifted
 from carstage_sim.maps.signals import TRIGGER_GAP_M, TRIGGER_LENGTH_M
 from carstage_sim.maps.strips import LANE_KINDS, MARK_KINDS
 
@@ -60,6 +61,7 @@ def sample(opendrive: str, name: str) -> dict[str, np.ndarray]:
         )
     }  # fmt: skip
     roads = root.findall("road")
+    lengths = {int(road.get("id")): float(road.get("length")) for road in roads}
     whole_m = sum(float(road.get("length")) for road in roads)
     step_m = STEP_M if whole_m < _LARGE_MAP_M else _COARSE_STEP_M
     first_station = 0
@@ -110,14 +112,14 @@ def sample(opendrive: str, name: str) -> dict[str, np.ndarray]:
         )
         for key, values in columns.items()
     }
-    outline = [(p.x, p.y, p.z) for p in town.get_crosswalks()]
-    arrays["crosswalk"] = np.array(outline, dtype=np.float64).reshape(-1, 3)
+    arrays["crosswalk"] = np.array(_crosswalks(town, roads), dtype=np.float64).reshape(-1, 3)
     origin = town.transform_to_geolocation(carla.Location())
     record = {
         "geo_reference": (origin.latitude, origin.longitude),
-        "signals": _signals(town, _outermost(roads)),
+        "signals": _signals(town, _outermost(roads), lengths),
         "controllers": _controllers(root),
         "turns": _turns(town),
+        "arrows": _arrows(town, roads),
     }
     text = json.dumps(record, sort_keys=True).encode()
     arrays["record"] = np.frombuffer(text, dtype=np.uint8)
@@ -135,7 +137,38 @@ def _outermost(roads: list[etree._Element]) -> dict[int, int]:
     }
 
 
-def _signals(town: carla.Map, outermost: dict[int, int]) -> list[dict[str, Any]]:
+def _middle(town: carla.Map, road: etree._Element) -> MiddleAt:
+    """The place of a road's middle lane by its station."""
+    road_id, length_m = int(road.get("id")), float(road.get("length"))
+
+    def middle_at(s_m: float) -> tuple[tuple[float, float, float], float] | None:
+        inside = min(max(s_m, _END_M), length_m - _END_M)
+        waypoint = town.get_waypoint_xodr(road_id, 0, inside)
+        if waypoint is None:
+            return None
+        return _place(waypoint), math.radians(waypoint.transform.rotation.yaw)
+
+    return middle_at
+
+
+def _crosswalks(town: carla.Map, roads: list[etree._Element]) -> list[tuple[float, float, float]]:
+    """Outlines where OpenDRIVE has them: the client moves some."""
+    shifts = [shift for road in roads for shift in crosswalk_shifts(road, _middle(town, road))]
+    return unshifted([(p.x, p.y, p.z) for p in town.get_crosswalks()], shifts)
+
+
+def _arrows(town: carla.Map, roads: list[etree._Element]) -> list[dict[str, Any]]:
+    found = [
+        arrow(road, element, _middle(town, road))
+        for road in roads
+        for element in road.iterfind("objects/object")
+    ]
+    return [one for one in found if one is not None]
+
+
+def _signals(
+    town: carla.Map, outermost: dict[int, int], lengths: dict[int, float]
+) -> list[dict[str, Any]]:
     """Every signal once, with all lanes that it or a reference to it governs."""
     found: dict[str, dict[str, Any]] = {}
     for landmark in town.get_all_landmarks():
@@ -153,7 +186,8 @@ def _signals(town: carla.Map, outermost: dict[int, int]) -> list[dict[str, Any]]
         most = outermost.get(landmark.road_id, 0)  # a file may name a billion lanes
         for first, last in landmark.get_lane_validities():
             for lane_id in range(max(min(first, last), -most), min(max(first, last), most) + 1):
-                lane = _governed(town, landmark.road_id, lane_id, landmark.s)
+                length_m = lengths.get(landmark.road_id, 0.0)
+                lane = _governed(town, landmark.road_id, lane_id, landmark.s, length_m)
                 if lane is not None and lane not in entry["lanes"]:
                     entry["lanes"].append(lane)
     return [found[key] for key in sorted(found)]
@@ -168,7 +202,9 @@ def _number(value: float, *texts: str) -> float:
     return float(value) if 0.0 < value <= _LARGEST_NUMBER else -1.0
 
 
-def _governed(town: carla.Map, road_id: int, lane_id: int, s_m: float) -> dict[str, Any] | None:
+def _governed(
+    town: carla.Map, road_id: int, lane_id: int, s_m: float, length_m: float
+) -> dict[str, Any] | None:
     """A driving lane at the place where a signal holds, and the middle of the stretch before."""
     if lane_id == 0:
         return None
@@ -178,6 +214,10 @@ def _governed(town: carla.Map, road_id: int, lane_id: int, s_m: float) -> dict[s
             point = point or town.get_waypoint_xodr(road_id, lane_id, max(inside, 0.0))
     if point is None or point.lane_type != carla.LaneType.Driving:
         return None
+    line = point
+    if point.is_junction:  # as in the vector map: who stops, stops before the junction
+        begin_m = _END_M if lane_id < 0 else length_m - _END_M
+        line = town.get_waypoint_xodr(road_id, lane_id, begin_m) or point
     before = _earlier(_entrance(point), TRIGGER_GAP_M + TRIGGER_LENGTH_M / 2)
     junction_id = point.junction_id if point.is_junction else -1
     if junction_id == -1:
@@ -192,6 +232,8 @@ def _governed(town: carla.Map, road_id: int, lane_id: int, s_m: float) -> dict[s
         "before": _place(before),
         "before_yaw_deg": before.transform.rotation.yaw,
         "yaw_deg": point.transform.rotation.yaw,
+        "line": _place(line),
+        "line_yaw_deg": line.transform.rotation.yaw,
     }
 
 

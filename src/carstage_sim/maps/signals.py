@@ -32,7 +32,9 @@ class GovernedLane:
         road_id, lane_id: OpenDRIVE's.
         junction_id: the junction that the lane lies in or leads to, -1 for none.
         width_m: of the lane.
-        stop, yaw_deg: where to stop, with the direction of travel.
+        stop, yaw_deg: where the signal holds, with the direction of travel.
+        line, line_yaw_deg: where a stop line ends, with the direction of travel: of a signal within
+            a junction, where its lane enters the junction.
         before, before_yaw_deg: the middle of the trigger, on the lane outside the junction.
     """
 
@@ -44,6 +46,8 @@ class GovernedLane:
     yaw_deg: float
     before: Vector3
     before_yaw_deg: float
+    line: Vector3
+    line_yaw_deg: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +79,23 @@ class Controller:
 
 
 @dataclass(frozen=True, slots=True)
+class PaintedArrow:
+    """An arrow on the road.
+
+    Attributes:
+        ways: where it leads: ``left``, ``right``, ``straight``.
+        location, yaw_deg: its middle, and where it points, in CARLA's frame.
+        length_m, width_m: of the rectangle around it.
+    """
+
+    ways: frozenset[str]
+    location: Vector3
+    yaw_deg: float
+    length_m: float
+    width_m: float
+
+
+@dataclass(frozen=True, slots=True)
 class SignalPlan:
     """All that a map says apart from its lanes.
 
@@ -83,12 +104,14 @@ class SignalPlan:
         signals: every signal, by id.
         controllers: in the order of their turns.
         turns: for lanes that end in a junction, by (road, lane): ``left``, ``right``, ``straight``.
+        arrows: those that the file has as objects.
     """
 
     geo_reference: tuple[float, float]
     signals: tuple[Signal, ...]
     controllers: tuple[Controller, ...]
     turns: Mapping[tuple[int, int], frozenset[str]]
+    arrows: tuple[PaintedArrow, ...] = ()
 
     def of_kind(self, kind: str) -> list[Signal]:
         """The signals of an OpenDRIVE type."""
@@ -106,12 +129,22 @@ def signal_plan(record: NDArray[np.generic]) -> SignalPlan:
             for entry in content["controllers"]
         ),
         turns={(road, lane): frozenset(turns) for road, lane, turns in content["turns"]},
+        arrows=tuple(
+            PaintedArrow(
+                **{
+                    **entry,
+                    "ways": frozenset(entry["ways"]),
+                    "location": tuple(entry["location"]),
+                }
+            )
+            for entry in content["arrows"]
+        ),
     )
 
 
 def _signal(entry: dict[str, Any]) -> Signal:
     lanes = tuple(
-        GovernedLane(**{**lane, "stop": tuple(lane["stop"]), "before": tuple(lane["before"])})
+        GovernedLane(**{**lane, **{name: tuple(lane[name]) for name in ("stop", "before", "line")}})
         for lane in entry["lanes"]
     )
     return Signal(**{**entry, "location": tuple(entry["location"]), "lanes": lanes})

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from carstage_sim.labels import CityObjectLabel
-from carstage_sim.maps.markings import lane_lines, stop_lines, turn_arrows, zebra
+from carstage_sim.maps.markings import lane_lines, painted_arrows, stop_lines, turn_arrows, zebra
 from carstage_sim.maps.shrinking import shrunk
-from carstage_sim.maps.signals import GovernedLane, SignalPlan
+from carstage_sim.maps.signals import GovernedLane, PaintedArrow, SignalPlan
 from carstage_sim.maps.strips import MEDIAN_KINDS, WALKED_KINDS, Strip
 from carstage_sim.mesh import Material
 
@@ -171,6 +171,7 @@ def ground_layers(
     lanes: list[Strip],
     plan: SignalPlan,
     stops: Sequence[GovernedLane],
+    arrows: Sequence[PaintedArrow],
     pits: list[shapely.Polygon],
     buildings: list[shapely.Polygon],
 ) -> list[Layer]:
@@ -179,8 +180,9 @@ def ground_layers(
     Args:
         ground: the areas.
         lanes: strips, for the lane lines.
-        plan: for the turns that arrows show.
+        plan: for the turns that arrows show where the file has no arrows.
         stops: lanes with a light or a stop sign on this level.
+        arrows: those of the file on this level.
         pits: squares of open soil around trees.
         buildings: footprints; the blocks that they stand in have paved rims.
     """
@@ -191,9 +193,10 @@ def ground_layers(
     kerb = ground.road.buffer(_KERB_WIDTH_M, join_style="mitre")
     near_raised = raised.buffer(_SEAM_M).difference(ground.road)
     line, road_lines = Material.LANE_MARKING_WHITE, label.ROAD_LINES
+    turning = painted_arrows(arrows) if plan.arrows else turn_arrows(lanes, plan)
     layers = [
         Layer(bars, Material.CROSSWALK_WHITE, road_lines, 0.0),
-        Layer(turn_arrows(lanes, plan), line, road_lines, 0.0),
+        Layer(turning, line, road_lines, 0.0),
         Layer(stop_lines(stops), line, road_lines, 0.0),
         Layer(white, line, road_lines, 0.0),
         Layer(yellow, Material.LANE_MARKING_YELLOW, road_lines, 0.0),

@@ -27,7 +27,9 @@ FINDING = Finding(
     isolated_px=1000,
     outside_px=0,
     stray_px=0,
-    labels=dict.fromkeys((*label_scores.METHODS, label_scores.STAGE_VO), RIGHT),
+    labels=dict.fromkeys(
+        (*label_scores.METHODS, label_scores.STAGE_VO, *label_scores.PEERS), RIGHT
+    ),
 )
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pytest
 
 from benchmarks.framework.lane_lines import explained_pixels
 from carstage.geometry import intrinsics, pose_matrix
@@ -47,8 +48,9 @@ def test_a_marking_explains_its_width_and_three_pixels_beside() -> None:
     assert found == list(range(95, 105))
 
 
-def test_an_area_explains_what_lies_in_it() -> None:
-    found = columns(line("crosswalk", [-1.0, 1.0, 1.0, -1.0], [5.0, 5.0, 20.0, 20.0], 0.0))
+@pytest.mark.parametrize("kind", ["crosswalk", "painted_object"])
+def test_an_area_explains_what_lies_in_it(kind: str) -> None:
+    found = columns(line(kind, [-1.0, 1.0, 1.0, -1.0], [5.0, 5.0, 20.0, 20.0], 0.0))
     assert set(range(90, 110)) <= set(found) <= set(range(86, 114))
 
 

@@ -21,7 +21,9 @@ ROAD = small_maps.road(
     1, 0.0, 0.0, 0.0, 200.0,
     lanes=(("driving", 3.5), ("sidewalk", 2.0)),
     objects='<object id="7" type="crosswalk" name="walk" s="40" t="0" length="3" width="7" '
-    'hdg="0"/>',
+    'hdg="0"/>'
+    '<object id="8" name="Stencil_ArrowType4R" type="-1" s="30" t="-1.75" hdg="0" length="3" '
+    'width="1"/>',
     signals=small_maps.light(9, 35.0, (-1, -1)),
 )  # fmt: skip
 
@@ -91,6 +93,13 @@ def test_areas_are_cut_at_the_picture_and_their_share_is_of_what_is_in_it(town) 
     assert half["visible_share"] == pytest.approx(0.25, abs=0.06)
 
 
+def test_an_arrow_is_the_rectangle_around_it(town) -> None:
+    arrow = by_name(lines_in_view(town, view(ground_depth())))["painted_object", "8"]
+    assert (arrow["type"], arrow["colour"], arrow["visible_share"]) == ("arrow", "white", 1.0)
+    assert sorted(arrow["x"]) == pytest.approx([-0.5, -0.5, 0.5, 0.5], abs=1e-3)
+    assert sorted(arrow["z"]) == pytest.approx([8.5, 8.5, 11.5, 11.5], abs=1e-3)
+
+
 def test_a_boundary_without_paint_is_a_boundary(town) -> None:
     rows = by_name(lines_in_view(town, view(ground_depth())))
     middle = rows["boundary", "1/0/-1/left"]
@@ -129,7 +138,7 @@ def test_the_report_draws_each_kind_in_its_colour(town) -> None:
     rows = lines_in_view(town, view(depth))
     drawn = np.asarray(draw_lane_lines(np.zeros((HEIGHT, WIDTH, 3), np.uint8), rows))
     colours = {tuple(colour) for colour in drawn.reshape(-1, 3).tolist()}
-    for name in ("white marking", "boundary", "crosswalk", "hidden"):
+    for name in ("white marking", "boundary", "crosswalk", "painted_object", "hidden"):
         assert LINE_COLOURS[name] in colours, name
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 import shapely
 
+import small_maps
 from carstage.dataset.tables import write_table
 from carstage.geometry import GeoFrame, GeoPoint
 from carstage.vector_map import VectorMap, from_table, to_geojson, to_table, vector_map
@@ -27,7 +28,13 @@ FRAMES = [
 
 @pytest.fixture(scope="module")
 def town() -> VectorMap:
-    return vector_map(opendrive_of(PLANS["Stage01"]))
+    arrow = (
+        '<object id="a" name="Stencil_ArrowType7L" type="-1" s="20" t="-1.75" hdg="0" width="1.1" '
+        'length="3.9"/>'
+    )
+    painted = vector_map(small_maps.document(small_maps.road(1, 0, 0, 0, 50, objects=arrow)))
+    whole = vector_map(opendrive_of(PLANS["Stage01"]))
+    return replace(whole, painted_objects=painted.painted_objects)
 
 
 @pytest.fixture(scope="module")

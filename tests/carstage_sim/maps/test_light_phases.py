@@ -8,7 +8,7 @@ from carstage_sim.maps.signals import LIGHT, Controller, GovernedLane, Signal, S
 
 def light(signal_id: str, yaw_deg: float) -> Signal:
     place = (0.0, 0.0, 0.0)
-    lane = GovernedLane(1, -1, 9, 3.5, place, yaw_deg, place, yaw_deg)
+    lane = GovernedLane(1, -1, 9, 3.5, place, yaw_deg, place, yaw_deg, place, yaw_deg)
     return Signal(signal_id, LIGHT, -1.0, place, yaw_deg, (lane,))
 
 

@@ -3,6 +3,7 @@
 from carstage.exporters.formats import (
     coco,
     kitti_object,
+    kitti_stereo,
     kitti_tracking,
     logs_123d,
     mcap_files,
@@ -17,6 +18,7 @@ from carstage.exporters.formats import (
 __all__ = [
     "coco",
     "kitti_object",
+    "kitti_stereo",
     "kitti_tracking",
     "logs_123d",
     "mcap_files",

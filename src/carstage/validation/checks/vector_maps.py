@@ -12,11 +12,17 @@ from carstage.dataset.reading import Episode
 from carstage.errors import DatasetError, VectorMapError
 from carstage.geometry import FloatArray, GeoFrame
 from carstage.validation.checks.findings import Findings
-from carstage.vector_map import Junction, Lane, VectorMap, vector_map
+from carstage.vector_map import Junction, Lane, PaintedObject, VectorMap, vector_map
 
 _CLOSE_M = 0.025
 """Twice what a chord may be off its curve, and some."""
-_KINDS = ("lanes", "markings", "junctions", "crosswalks", "stop_lines", "signals")
+_KINDS = (
+    "lanes", "markings", "junctions", "crosswalks", "stop_lines", "signals", "painted_objects",
+)  # fmt: skip
+_PLACES = (
+    ("crosswalks", "outline"), ("stop_lines", "line"), ("signals", "place"),
+    ("painted_objects", "outline"),
+)  # fmt: skip
 _WORDS = ("predecessors", "successors", "type", "direction", "left_markings", "right_markings")
 
 
@@ -82,6 +88,7 @@ def _loose_ends(town: VectorMap) -> str | None:
     named = [("marking", one.id, one.lanes) for one in town.markings]
     named += [("stop line", one.id, one.lanes) for one in town.stop_lines]
     named += [("signal", one.id, one.lanes) for one in town.signals]
+    named += [("painted object", one.id, one.lanes) for one in town.painted_objects]
     for what, name, others in named:
         if any(other not in lanes for other in others):
             return f"{what} {name} names a lane that is not there"
@@ -134,12 +141,19 @@ def _other(stored: VectorMap, made: VectorMap) -> str | None:
             expected_mark.lane_change,
         ):
             return f"marking {mark.id} is not what the OpenDRIVE text says"
-    for kind, places in (("crosswalks", "outline"), ("stop_lines", "line"), ("signals", "place")):
+    for paint, expected_paint in zip(stored.painted_objects, made.painted_objects, strict=True):
+        if _words_of(paint) != _words_of(expected_paint):
+            return f"painted object {paint.id} is not what the OpenDRIVE text says"
+    for kind, places in _PLACES:
         for one, other in zip(getattr(stored, kind), getattr(made, kind), strict=True):
             a, b = getattr(one, places), getattr(other, places)
             if a.shape != b.shape or np.abs(a - b).max(initial=0.0) > _CLOSE_M:
                 return f"{kind.replace('_', ' ')[:-1]} {one.id} is not where the text puts it"
     return None
+
+
+def _words_of(paint: PaintedObject) -> tuple[object, ...]:
+    return paint.name, paint.type, paint.subtype, paint.colour, paint.lanes
 
 
 def _apart_m(lane: Lane, other: Lane) -> float:

@@ -7,6 +7,7 @@ from importlib.util import find_spec
 
 FORMATS: Mapping[str, tuple[str, str | None]] = {
     "kitti-object": ("KITTI object detection", None),
+    "kitti-stereo": ("KITTI stereo", None),
     "kitti-tracking": ("KITTI tracking", None),
     "semantickitti": ("SemanticKITTI", None),
     "nuscenes": ("nuScenes", None),

@@ -1,0 +1,215 @@
+"""KITTI's stereo benchmark of 2015: rectified pairs of pictures with the left one's disparity."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, ClassVar, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage.codecs.png import PngPacker
+from carstage.dataset import Episode, SensorCalibration
+from carstage.dataset.saved_frames import Frame
+from carstage.errors import BadInputError
+from carstage.exporters.exporter import Exporter, register
+from carstage.exporters.formats.kitti_files import numbers
+from carstage.exporters.formats.kitti_object import part_of
+from carstage.exporters.formats.pictures import copy_as_png
+from carstage.exporters.options import ExportOptions
+from carstage.exporters.rigs import colour_cameras
+from carstage.geometry import FloatArray, invert_pose
+
+STEPS_PER_PX: Final = 256.0
+"""A disparity of d px is stored as 256 d; 0 is no disparity."""
+_FOLDERS: Final = ("image_2", "image_3", "disp_occ_0", "disp_noc_0", "calib_cam_to_cam")
+_FARTHEST_M: Final = 999.0
+"""CARLA's depth ends at 1000 m: there is nothing."""
+_SAME_M, _SAME_ROTATION = 1e-4, 1e-6
+_SLACK_M, _SLACK_SHARE = 0.05, 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class StereoPair:
+    """Two cameras side by side, with their depth.
+
+    Attributes:
+        left, right: of equal intrinsics; both have a depth camera in the dataset.
+        baseline_m: distance of the two.
+    """
+
+    left: SensorCalibration
+    right: SensorCalibration
+    baseline_m: float
+
+
+def stereo_pair(episode: Episode, options: ExportOptions) -> StereoPair:
+    """The pair that the options name, left first, or the first one of the rig.
+
+    Raises:
+        BadInputError: there is none, or it has no depth.
+    """
+    cameras = colour_cameras(episode, options, labelled=False, pinholes=True)
+    for left in cameras[:1] if options.cameras else cameras:
+        for right in cameras:
+            baseline_m = _baseline_m(left, right)
+            if baseline_m is None:
+                continue
+            for one in (left, right):
+                if one.depth is None:
+                    raise BadInputError(
+                        f"Episode {episode.id}: {one.id} has no depth camera beside it.",
+                        "Record a sensor of kind depth with the pose and attributes of each of "
+                        "the two, and label both cameras.",
+                    )
+            return StereoPair(left, right, baseline_m)
+    raise BadInputError(
+        f"Episode {episode.id} has no rectified stereo pair.",
+        "It takes two cameras of equal lenses and directions, one to the right of the other; "
+        "--camera LEFT --camera RIGHT names them.",
+    )
+
+
+def _baseline_m(left: SensorCalibration, right: SensorCalibration) -> float | None:
+    """How far the right camera is to the right of the left one; None: they are no pair."""
+    same = (left.width, left.height) == (right.width, right.height) and np.allclose(left.k, right.k)
+    if not (same and left.on_ego and right.on_ego):
+        return None
+    apart = invert_pose(left.ego_from_sensor) @ right.ego_from_sensor
+    ahead, beside, up = apart[:3, 3].tolist()
+    level = abs(ahead) < _SAME_M and abs(up) < _SAME_M and beside > _SAME_M
+    return beside if level and np.allclose(apart[:3, :3], np.eye(3), atol=_SAME_ROTATION) else None
+
+
+def disparity(
+    depth_m: NDArray[np.float32], focal_px: float, baseline_m: float
+) -> NDArray[np.uint16]:
+    """The left picture's disparity, in 256ths of a pixel; 0 where there is none to be stored.
+
+    Args:
+        depth_m: ``(H, W)`` depth along the optical axis.
+        focal_px: of both cameras.
+        baseline_m: distance of the two.
+    """
+    with np.errstate(divide="ignore"):
+        steps = np.rint(STEPS_PER_PX * focal_px * baseline_m / depth_m.astype(np.float64))
+    fits = (depth_m < _FARTHEST_M) & (steps >= 1.0) & (steps <= np.iinfo(np.uint16).max)
+    return np.where(fits, steps, 0.0).astype(np.uint16)
+
+
+def seen_by_both(
+    steps: NDArray[np.uint16], depth_m: NDArray[np.float32], right_depth_m: NDArray[np.float32]
+) -> NDArray[np.bool_]:
+    """``(H, W)`` which of the left picture's pixels the right camera sees, too.
+
+    What counts is the farthest of the right picture's pixel and its two neighbours in the row.
+
+    Args:
+        steps: disparity in 256ths of a pixel.
+        depth_m, right_depth_m: ``(H, W)`` of both cameras.
+    """
+    height, width = steps.shape
+    row, column = np.mgrid[:height, :width]
+    there = np.floor(column + 0.5 - steps / STEPS_PER_PX).astype(np.int64)
+    inside = (there >= 0) & (steps > 0)
+    farthest = np.max(
+        [right_depth_m[row, np.clip(there + k, 0, width - 1)] for k in (-1, 0, 1)], axis=0
+    )
+    return np.asarray(inside & (depth_m <= farthest * (1.0 + _SLACK_SHARE) + _SLACK_M))
+
+
+@dataclass(frozen=True, slots=True)
+class StereoPart:
+    """A pair that was written: its name, frame and time."""
+
+    name: str
+    k: int
+    time_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class StereoWriter:
+    """Writes the files of a frame's pair.
+
+    Attributes:
+        pair: the cameras.
+        first_number: of the episode's first pair.
+        part: the folder.
+    """
+
+    pair: StereoPair
+    first_number: int
+    part: str
+
+    def __call__(self, frame: Frame, folder: Path) -> StereoPart | None:
+        """Write the frame; ``None`` where one of the four pictures is missing."""
+        left, right = self.pair.left, self.pair.right
+        names = (left.id, right.id, left.depth or "", right.depth or "")
+        if not all(frame.has(name) for name in names):
+            return None
+        name, part = f"{self.first_number + frame.k:06d}", folder / self.part
+        for camera, place in ((left, "image_2"), (right, "image_3")):
+            copy_as_png(frame, camera.id, part / place / f"{name}_10.png")
+        depth_m, right_depth_m = frame.read(names[2]), frame.read(names[3])
+        steps = disparity(depth_m, float(left.k[0, 0]), self.pair.baseline_m)
+        both = np.where(seen_by_both(steps, depth_m, right_depth_m), steps, 0).astype(np.uint16)
+        packer = PngPacker()
+        for place, content in (("disp_occ_0", steps), ("disp_noc_0", both)):
+            (part / place / f"{name}_10.png").write_bytes(packer.pack(content))
+        text = "".join(f"{key}: {numbers(value)}\n" for key, value in _calibration(self.pair))
+        (part / "calib_cam_to_cam" / f"{name}.txt").write_text(text, "ascii")
+        return StereoPart(name, frame.k, frame.timestamp_s)
+
+
+def _calibration(pair: StereoPair) -> list[tuple[str, FloatArray]]:
+    """The rows of ``calib_cam_to_cam`` that stereo needs; cameras 02 and 03 are the pair."""
+    rows: list[tuple[str, FloatArray]] = []
+    for number, camera, shift_m in (("02", pair.left, 0.0), ("03", pair.right, pair.baseline_m)):
+        projection = np.hstack([camera.k, np.zeros((3, 1))])
+        projection[0, 3] = -camera.k[0, 0] * shift_m
+        size = np.array([[camera.width, camera.height]], np.float64)
+        rows += [(f"S_rect_{number}", size), (f"R_rect_{number}", np.eye(3))]
+        rows.append((f"P_rect_{number}", projection))
+    return rows
+
+
+@register
+class KittiStereo(Exporter):
+    """See docs/formats/exports.md."""
+
+    name: ClassVar = "kitti-stereo"
+    summary: ClassVar = "KITTI stereo 2015: rectified pairs with exact disparity."
+    uses: ClassVar = frozenset({"cameras", "val_share", "test_share"})
+
+    def begin(self, episodes: Sequence[Episode], folder: Path) -> None:
+        """Find the pairs and make KITTI's folders."""
+        for episode in episodes:
+            stereo_pair(episode, self.options)
+        for part in {part_of(split): None for split in self.used_splits(episodes)}:
+            for name in _FOLDERS:
+                (folder / part / name).mkdir(parents=True)
+        index = (folder / "frames.csv").open("w", encoding="utf-8")
+        self._index: IO[str] = self.files.enter_context(index)
+        self._index.write("name,split,episode_id,k,timestamp_s\n")
+        self._number = 0
+
+    def begin_episode(self, episode: Episode) -> StereoWriter:
+        """Number its pairs after those of the episodes before."""
+        self._episode = episode
+        part = part_of(self.split_of(episode))
+        return StereoWriter(stereo_pair(episode, self.options), self._number, part)
+
+    def add(self, part: StereoPart) -> None:
+        """List the pair."""
+        split = self.split_of(self._episode)
+        self._index.write(f"{part.name},{split},{self._episode.id},{part.k},{part.time_s:.6f}\n")
+
+    def end_episode(self) -> None:
+        """Go on counting after its pairs."""
+        self._number += self._episode.frames
+
+    def finish(self) -> None:
+        """Close the list."""
+        self.close()

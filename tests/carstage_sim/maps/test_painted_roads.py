@@ -1,0 +1,125 @@
+"""What a map paints on its roads lies where OpenDRIVE has it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from lxml import etree
+
+import small_maps
+from carstage_sim.labels import CityObjectLabel
+from carstage_sim.maps.baking import BakeOptions, bake, sample_in_child
+from carstage_sim.maps.markings import painted_arrows
+from carstage_sim.maps.road_objects import arrow, arrow_ways
+from carstage_sim.maps.signals import PaintedArrow, signal_plan
+
+HEADING = 0.5
+OFFSET_M = 1.5
+LANE_OFFSET = f'<lanes><laneOffset s="0" a="{OFFSET_M}" b="0" c="0" d="0"/>'
+ARROW = (
+    '<object id="8" name="Stencil_ArrowType4R" type="-1" s="60" t="-0.25" zOffset="0" hdg="0" '
+    'width="2.5" length="1.9" orientation="-"/>'
+)
+WALK = (
+    '<object id="7" type="crosswalk" name="walk" s="100" t="0" zOffset="0" hdg="0" length="3" '
+    'width="7" orientation="+"><outline>'
+    + "".join(
+        f'<cornerLocal u="{u}" v="{v}" z="0"/>'
+        for u, v in ((-1.5, -3.5), (1.5, -3.5), (1.5, 3.5), (-1.5, 3.5), (-1.5, -3.5))
+    )
+    + "</outline></object>"
+)
+
+
+def text(objects: str) -> str:
+    road = small_maps.road(1, 10, -20, HEADING, 200, objects=objects)
+    return small_maps.document(road.replace("<lanes>", LANE_OFFSET))
+
+
+def at(s: float, t: float) -> tuple[float, float]:
+    """A place of the road in CARLA's frame."""
+    c, sine = math.cos(HEADING), math.sin(HEADING)
+    return 10 + s * c - t * sine, -(-20 + s * sine + t * c)
+
+
+@pytest.fixture(scope="module")
+def samples():
+    return sample_in_child(text(ARROW + WALK), "painted")
+
+
+def test_a_crosswalk_lies_where_opendrive_has_it_on_a_road_with_a_lane_offset(samples) -> None:
+    found = samples["crosswalk"][:4, :2]
+    expected = [at(100 + u, v) for u, v in ((-1.5, -3.5), (1.5, -3.5), (1.5, 3.5), (-1.5, 3.5))]
+    np.testing.assert_allclose(found, expected, atol=2e-3)
+
+
+def test_an_arrow_lies_and_points_where_opendrive_has_it(samples) -> None:
+    (arrow,) = signal_plan(samples["record"]).arrows
+    np.testing.assert_allclose(arrow.location[:2], at(60, -0.25), atol=2e-3)
+    assert arrow.yaw_deg == pytest.approx(-math.degrees(HEADING), abs=1e-3)
+    assert (arrow.ways, arrow.length_m, arrow.width_m) == (frozenset({"right"}), 2.5, 1.9)
+
+
+@pytest.mark.parametrize(
+    "text_of",
+    [
+        'name="Stencil_ArrowType1" s="5" t="0" width="nan" length="3"',
+        'name="Stencil_ArrowType1" s="5" t="0" width="1" length="1e9"',
+        'name="Stencil_ArrowType1" s="5" t="0" width="wide" length="3"',
+        'name="Stencil_ArrowType1" s="5" t="0"',
+    ],
+)
+def test_an_arrow_without_a_size_that_can_be_is_left_out(text_of: str) -> None:
+    element = etree.fromstring(f"<object {text_of}/>")
+    assert arrow(etree.fromstring("<road/>"), element, lambda s_m: ((0.0, 0.0, 0.0), 0.0)) is None
+
+
+def test_an_arrow_with_a_place_that_is_no_number_stands_at_the_begin() -> None:
+    attributes = 'name="Stencil_ArrowType1" s="far" t="inf" hdg="?" width="1" length="3"'
+    element = etree.fromstring(f"<object {attributes}/>")
+    road = etree.fromstring('<road><lanes><laneOffset s="x" a="nan"/></lanes></road>')
+    found = arrow(road, element, lambda s_m: ((s_m, 0.0, 0.0), 0.0))
+    assert found is not None
+    assert found["location"] == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("ways", [{"left"}, {"straight"}, {"left", "straight", "right"}])
+def test_a_painted_arrow_fills_its_rectangle(ways: set[str]) -> None:
+    arrow = PaintedArrow(frozenset(ways), (10.0, 5.0, 0.0), 90.0, 4.0, 1.2)
+    np.testing.assert_allclose(painted_arrows([arrow]).bounds, (9.4, 3.0, 10.6, 7.0), atol=1e-9)
+
+
+def test_an_arrow_to_the_right_reaches_to_the_right_at_its_head() -> None:
+    area = painted_arrows([PaintedArrow(frozenset({"right"}), (0.0, 0.0, 0.0), 0.0, 2.5, 1.9)])
+    # Along x, right is towards positive y.
+    head, foot = (area.intersection(shapely.box(x, -2, x + 1, 2)).centroid for x in (0.5, -1.5))
+    assert head.y > foot.y + 0.5
+
+
+def test_the_road_shows_the_arrow_as_a_line() -> None:
+    town = bake("Painted", text(ARROW), BakeOptions(scenery=False, navigation=False))
+    mesh = town.static_mesh
+    lines = mesh.triangles[mesh.tag == CityObjectLabel.ROAD_LINES]
+    middles = mesh.vertices[lines].mean(axis=1)[:, :2]
+    near = np.linalg.norm(middles - at(60, -0.25), axis=1) < 1.6
+    beyond = np.linalg.norm(middles - at(70, -0.25), axis=1) < 1.0
+    assert near.sum() >= 5
+    assert not beyond.any()
+
+
+@pytest.mark.parametrize(
+    ("attributes", "ways"),
+    [
+        ('name="Stencil_ArrowType1Short"', ["straight"]),
+        ('name="Stencil_ArrowType7L"', ["left", "straight"]),
+        ('name="Stencil_ArrowType8"', ["left", "right", "straight"]),
+        ('name="Stencil_ArrowType3B"', []),
+        ('name="a" subtype="arrowStraightRight"', ["right", "straight"]),
+        ('name="Stencil_STOP"', []),
+    ],
+)
+def test_where_an_arrow_leads(attributes: str, ways: list[str]) -> None:
+    assert arrow_ways(etree.fromstring(f"<object {attributes}/>")) == ways

@@ -80,6 +80,13 @@ class EmbeddedServerConfig(Section):
         description="The version of CARLA that it speaks and numbers its tags like.",
         group="server",
     )
+    wet_grip: Literal["auto", "on", "off"] = setting(
+        "auto",
+        title="Wet grip",
+        description="Whether water on the road takes grip of the tyres. `auto`: not where "
+        "variants have weathers of their own.",
+        group="server",
+    )
     client_python: str = _client_python()
     create_client_env: bool = _create_client_env()
     self_test: SelfTest = _self_test()

@@ -44,7 +44,7 @@ class Pilot:
     """What one short episode took, once the server was up.
 
     Attributes:
-        index: its number in the configuration, from 0.
+        index: its number among those planned, from 0.
         frames: saved frames.
         begin_cpu_s, begin_wall_s: until the first recorded step: loading, spawning, warm-up.
         frames_cpu_s: from there to the commit, of all processes of the run.
@@ -78,7 +78,7 @@ def record_pilots(
 
     Args:
         config: the configuration.
-        count: how many, at most as many as it has episodes.
+        count: how many, at most as many as it has episodes in all variants.
         notice: told of what goes on.
         longest_s: simulated seconds of a pilot, at most.
 
@@ -89,12 +89,16 @@ def record_pilots(
         KeyboardInterrupt: the user ended it.
     """
     sampling = Sampling(config)
-    count = min(count, config.episodes)
+    planned, names = config.planned_episodes, tuple(config.variants)
+    count = min(count, planned)
     pilots = []
     for number in range(count):
-        index = (2 * number + 1) * config.episodes // (2 * count)
+        index = (2 * number + 1) * planned // (2 * count)
         notice(f"Pilot {number + 1} of {count}: episode {index + 1}, shortened.")
-        short = shortened(sampling.config(index), longest_s)
+        varied = sampling.config(index // max(1, len(names)))
+        if names:
+            varied = varied.as_variant(names[index % len(names)])
+        short = shortened(varied, longest_s)
         with tempfile.TemporaryDirectory(prefix="carstage-pilot-") as folder:
             pilots.append(_record(short, Path(folder) / "pilot", index, notice))
     return pilots

@@ -460,6 +460,19 @@ class Config(Section):
         """Number of episodes, each variant counted."""
         return self.episodes * max(1, len(self.variants))
 
+    def number_of(self, index: int, variant: str | None) -> int:
+        """Number of an episode among all that are planned, from 0, its variants in a row.
+
+        Args:
+            index: of the episode in the configuration.
+            variant: name of its variant; None: it has none.
+
+        Raises:
+            ValueError: there is no such variant.
+        """
+        names = (*self.variants,) or (None,)
+        return index * len(names) + names.index(variant)
+
     def sensors_of_all_variants(self) -> list[tuple[tuple[str | int, ...], Sensor]]:
         """As ``located_sensors``, then those of rigs that variants have of their own."""
         found = self.located_sensors()

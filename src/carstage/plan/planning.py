@@ -338,7 +338,7 @@ class PlanMatcher:
         wanted = planner.settings(config)
         del wanted["dialect"]
         if all(getattr(spec, name) == value for name, value in wanted.items()):
-            return spec.index * len(self._planners) + list(self._planners).index(name)
+            return self._config.number_of(spec.index, name)
         return None
 
 

@@ -72,9 +72,9 @@ def record_pilots(
 ) -> list[Pilot]:
     """Record some episodes of a configuration, shortened, into a folder that is then removed.
 
-    They are spread evenly over the configuration. Each has a server of its own, so that what one
-    leaves to be done does not count as the next one's. Another episode goes before it: what a
-    server and the converters do once in their life is not the pilot's.
+    They are spread evenly over the configuration, and its variants take turns. Each has a server of
+    its own, so that what one leaves to be done does not count as the next one's. Another episode
+    goes before it: what a server and the converters do once in their life is not the pilot's.
 
     Args:
         config: the configuration.
@@ -89,16 +89,17 @@ def record_pilots(
         KeyboardInterrupt: the user ended it.
     """
     sampling = Sampling(config)
-    planned, names = config.planned_episodes, tuple(config.variants)
-    count = min(count, planned)
+    names = tuple(config.variants)
+    count = min(count, config.planned_episodes)
     pilots = []
     for number in range(count):
-        index = (2 * number + 1) * planned // (2 * count)
+        episode = (2 * number + 1) * config.episodes // (2 * count)
+        asked, variant = sampling.config(episode), names[number % len(names)] if names else None
+        if variant is not None:
+            asked = asked.as_variant(variant)
+        index = config.number_of(episode, variant)
         notice(f"Pilot {number + 1} of {count}: episode {index + 1}, shortened.")
-        varied = sampling.config(index // max(1, len(names)))
-        if names:
-            varied = varied.as_variant(names[index % len(names)])
-        short = shortened(varied, longest_s)
+        short = shortened(asked, longest_s)
         with tempfile.TemporaryDirectory(prefix="carstage-pilot-") as folder:
             pilots.append(_record(short, Path(folder) / "pilot", index, notice))
     return pilots

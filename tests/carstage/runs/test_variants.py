@@ -17,6 +17,8 @@ from carstage.dataset.tables import read_table, write_table
 from carstage.errors import BadInputError
 from carstage.exporters import ExportOptions, export_dataset
 from carstage.validation import validate_dataset
+from carstage.validation.checks.findings import Findings
+from carstage.validation.checks.variants import VariantFigures, check_variants
 from recorded_dataset import linked_copy
 from variants_dataset import FRAMES, NAMES
 
@@ -88,12 +90,33 @@ def test_an_actor_that_one_variant_lacks_is_named(variants: Path, tmp_path: Path
     assert f"actor {track} is not in both" in found.message
 
 
+def test_actors_are_the_same_by_their_order_whatever_ids_a_rig_leaves_them(
+    variants: Path, tmp_path: Path
+) -> None:
+    def damage(rows: list[Row]) -> None:
+        last = max(row["track_id"] for row in rows if not row["is_static"])
+        for row in rows:
+            row["track_id"] += 7 * (row["track_id"] == last)
+
+    def problems_of_variants() -> list[str]:
+        (group,) = Dataset(copy).variants()
+        findings = Findings(None)
+        check_variants(group, findings, VariantFigures())
+        return [problem.check for problem in findings.problems()]
+
+    copy = linked_copy(variants, tmp_path / "copy")
+    edit_objects(copy, "wide", damage)
+    assert problems_of_variants() == []
+    edit_objects(copy, "wide", lambda rows: rows.remove(next(r for r in rows if r["is_ego"])))
+    assert problems_of_variants() == ["variants"]
+
+
 def ego_of(episode: Episode) -> int:
     """Its track id."""
     return int(episode.document["ego_id"])
 
 
-def edit_objects(dataset: Path, variant: str, change: Callable[[list[Row]], None]) -> None:
+def edit_objects(dataset: Path, variant: str, change: Callable[[list[Row]], object]) -> None:
     """Change the table of one variant."""
     path = Dataset(dataset).as_variant(variant).episodes[0].folder / "objects.parquet"
     table = read_table(path)

@@ -17,6 +17,7 @@ _ROW = "the keys of one row of a table, in the table's order"
 _OPTIONS = "typer knows the options of a command by its signature"
 _CALL = "the public call: each parameter is an option with a default, told in its docstring"
 _PARTS = "a list of parts with their places, read from top to bottom"
+_DEFAULTS = "the options of a command line, all with defaults"
 
 REASONS = {
     "carstage/annotation/object_rows.py object_rows": _ROW,
@@ -36,7 +37,7 @@ REASONS = {
     "carstage/runs/following.py record_beside": _CALL,
     "carstage/runs/running.py run": _CALL,
     "carstage/runs/session.py __init__": _OWNER,
-    "carstage/server/embedded.py __init__": "the options of its command line, all with defaults",
+    "carstage/server/embedded.py __init__": _DEFAULTS,
     "carstage/validation/checks/completeness.py check_missing_rows": _OWNER,
     "carstage_sim/cli.py _parser": _OPTIONS,
     "carstage_sim/maps/opendrive.py sample": _ROW,
@@ -66,6 +67,7 @@ REASONS = {
     "carstage_sim/sensors/voxel_kernels.py collect": _KERNEL,
     "carstage_sim/sensors/voxel_kernels.py gather": _KERNEL,
     "carstage_sim/sensors/voxel_kernels.py measure": _KERNEL,
+    "carstage_sim/simulation.py __init__": _DEFAULTS,
     "carstage_sim/wire/framing.py _scan": _LOOP,
     "carstage_sim/world/contacts/obstacles.py _touching": _KERNEL,
     "carstage_sim/world/contacts/separating_axes.py least_way_out": _KERNEL,

@@ -112,6 +112,7 @@ def _serve(options: Options, maps: MapCatalogue) -> None:
                 projection=spoken.projection,
                 quality=options.quality,
                 device=options.device,
+                wet_grip=options.wet_grip,
                 recordings=RecordingsFolder(
                     options.recordings or default_recordings(), options.absolute_paths
                 ),

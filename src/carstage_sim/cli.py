@@ -54,6 +54,7 @@ class Options:
         pace_hz: most ticks per second in synchronous mode, None for as many as can be.
         quality: of colour pictures.
         device: what casts rays and makes pictures.
+        wet_grip: whether water on the road takes grip of the tyres.
         frames_per_s: pace of the free run in asynchronous mode.
         exit_with_parent: end when the process that started this one is gone.
         parent_pid: id of that process; None: the parent that the server finds itself with.
@@ -77,6 +78,7 @@ class Options:
     pace_hz: float | None
     quality: Quality
     device: Choice
+    wet_grip: bool
     protocol: str
     frames_per_s: float
     exit_with_parent: bool
@@ -205,6 +207,13 @@ def _parser() -> _Parser:
         type=_quality,
         default=Quality.LOW,
         help="of colour pictures: low, or epic, which costs up to 2.5 times as much (default: low)",
+    )
+    parser.add_argument(
+        "--wet-grip",
+        choices=("on", "off"),
+        default="on",
+        help="whether water on the road takes grip of the tyres, which in CARLA it does not "
+        "(default: on)",
     )
     parser.add_argument("--protocol", default="0.9.16", choices=tuple(DIALECTS))
     parser.add_argument(
@@ -353,6 +362,7 @@ def parse_options(argv: Sequence[str] | None) -> Options:
         pace_hz=namespace.pace,
         quality=namespace.quality,
         device=namespace.device,
+        wet_grip=namespace.wet_grip == "on",
         protocol=namespace.protocol,
         frames_per_s=namespace.frames_per_s,
         exit_with_parent=namespace.exit_with_parent is not None,

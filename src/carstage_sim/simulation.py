@@ -106,6 +106,7 @@ class Simulation:
         quality: of colour pictures.
         device: what casts rays and makes pictures.
         recordings: the folder of the recorder's logs.
+        wet_grip: whether water on the road takes grip of the tyres.
 
     Attributes:
         world: the current episode.
@@ -131,6 +132,7 @@ class Simulation:
         quality: Quality = Quality.LOW,
         device: Choice = "cpu",
         recordings: RecordingsFolder | None = None,
+        wet_grip: bool = True,
     ) -> None:
         self._gpu = chosen_gpu(device)
         self.settings = EpisodeSettings()
@@ -142,6 +144,7 @@ class Simulation:
         self._loop = loop
         self._projection = projection
         self._quality = quality
+        self._wet_grip = wet_grip
         self._watched_before = False
         self._drawing = DrawingThread()
         self._missed: deque[Scene] = deque(maxlen=_MOST_MISSED)
@@ -232,7 +235,13 @@ class Simulation:
         )
 
     def _new_world(self, town: Town, episode_id: int, before: World | None) -> World:
-        return World(town, episode_id, previous=before, before_spawn=self._before_spawn)
+        return World(
+            town,
+            episode_id,
+            previous=before,
+            before_spawn=self._before_spawn,
+            wet_grip=self._wet_grip,
+        )
 
     def apply_settings(self, settings: EpisodeSettings) -> None:
         """Use other settings from the next tick on."""

@@ -11,6 +11,7 @@ import pytest
 
 import fleet_dataset
 import recorded_dataset
+import variants_dataset
 
 
 @pytest.fixture(scope="session")
@@ -33,6 +34,15 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     Tests that use it belong to the xdist group ``recorded``, so that it is recorded once.
     """
     return recorded_dataset.record(tmp_path_factory.mktemp("recorded"))
+
+
+@pytest.fixture(scope="session")
+def variants(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A drive in four variants, from the embedded simulator. Do not change it.
+
+    Tests that use it belong to the xdist group ``variants``, so that it is recorded once.
+    """
+    return recorded_dataset.record(tmp_path_factory.mktemp("variants"), variants_dataset.CONFIG)
 
 
 @pytest.fixture(scope="session")

@@ -163,6 +163,17 @@ def test_an_example_has_a_flash_lidar_and_rotating_ones_by_their_data_sheets() -
     assert "lidar_products.yaml" in (EXAMPLES / "README.md").read_text("utf-8")
 
 
+def test_an_example_has_each_drive_under_four_skies_and_by_a_fisheye() -> None:
+    plan = judge(load_config(EXAMPLES / "variants.yaml"))
+    assert len(plan) == 3 * 5
+    first = [spec for spec in plan if spec.index == 0]
+    names = [spec.variant.name for spec in first if spec.variant is not None]
+    assert names == ["noon", "sunset", "rain", "night", "fisheye"]
+    assert len({spec.seeds for spec in first}) == 1
+    assert not any(spec.wet_grip for spec in first)
+    assert "variants.yaml" in (EXAMPLES / "README.md").read_text("utf-8")
+
+
 AGENTS = """
 class Planner:
     def trace_route(self, start, end):
@@ -216,4 +227,5 @@ def test_every_example_configuration_is_tested() -> None:
         "night_crowds.yaml",
         "own_driver.yaml",
         "sweep_lidar.yaml",
+        "variants.yaml",
     ]

@@ -58,6 +58,7 @@ def conditions(key: int | None, wanted: PageFilter) -> list[Condition]:
         wanted: which episodes.
     """
     asked = (
+        Condition(EPISODES, "variant", wanted.variant),
         Condition(EPISODES, "weather", wanted.weather),
         Condition(EPISODES, "map", wanted.town),
         Condition(LABEL_SUMMARIES, "class", wanted.label),

@@ -14,6 +14,7 @@ class PageFilter:
         weather: weather preset.
         split: ``train``, ``val`` or ``test``.
         sensor: kind of a sensor that the rig has, such as ``lidar``.
+        variant: name of the variant that the episode is.
         label: class of which there is an object in the episode, such as ``walker_adult``.
     """
 
@@ -21,6 +22,7 @@ class PageFilter:
     weather: str | None = None
     split: str | None = None
     sensor: str | None = None
+    variant: str | None = None
     label: str | None = None
 
     @property

@@ -201,7 +201,8 @@ def _write_episode(
 ) -> None:
     """Replace an episode's rows. Of two who write it at once, the second waits for the first."""
     stored = dataset.stored_splits
-    split = None if stored is None else stored.of(rows.episode["episode_id"])
+    name = rows.episode["episode_id"]
+    split = None if stored is None else stored.of(name, rows.episode["base_id"] or name)
     row = {**rows.episode, "dataset": key, "split": split}
     if run_id is not None:  # else what is known of it stays
         row["run_id"] = run_id

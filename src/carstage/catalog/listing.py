@@ -41,6 +41,8 @@ _SHOWN = (
     "bytes",
     "map",
     "weather",
+    "variant",
+    "base_id",
     "scenario",
     "split",
     "carstage",

@@ -85,6 +85,8 @@ EPISODES = Table(
     Column("bytes", BigInteger, nullable=False),
     Column("map", String, nullable=False),
     Column("weather", String),
+    Column("variant", String),
+    Column("base_id", String),
     Column("scenario", String, nullable=False),
     Column("split", String),
     Column("carstage", String),
@@ -95,6 +97,7 @@ EPISODES = Table(
     Index(None, "dataset", "id"),
     Index(None, "map", "id"),
     Index(None, "weather", "id"),
+    Index(None, "variant", "id"),
     Index(None, "split", "id"),
 )
 

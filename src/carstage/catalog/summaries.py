@@ -53,6 +53,8 @@ def rows_of(episode: Episode) -> EpisodeRows:
             "bytes": sum(entry.bytes for entry in marker.files),
             "map": spec.map,
             "weather": spec.weather.preset,
+            "variant": episode.variant,
+            "base_id": None if episode.variant is None else episode.base_id,
             "scenario": spec.scenario.kind,
             "carstage": marker.versions.get("carstage"),
             "client": marker.versions.get("client"),

@@ -38,6 +38,7 @@ Town = Annotated[str | None, typer.Option("--town", help="Only episodes on this 
 Weather = Annotated[str | None, typer.Option("--weather", help="Only with this weather preset.")]
 SplitName = Annotated[str | None, typer.Option("--split", help="Only of train, val or test.")]
 SensorKind = Annotated[str | None, typer.Option("--sensor", help="Only with a sensor of the kind.")]
+Variant = Annotated[str | None, typer.Option("--variant", help="Only of the variant.")]
 Label = Annotated[str | None, typer.Option("--class", help="Only with an object of the class.")]
 
 
@@ -108,6 +109,7 @@ def list_(
     weather: Weather = None,
     split: SplitName = None,
     sensor: SensorKind = None,
+    variant: Variant = None,
     label: Label = None,
     limit: Annotated[int, typer.Option("--limit", min=1, max=10_000, help="Of a page.")] = 50,
     after: Annotated[int, typer.Option("--after", min=0, help="The page after this one.")] = 0,
@@ -118,7 +120,7 @@ def list_(
     del debug
     from carstage import catalog as catalogs
 
-    wanted = catalogs.PageFilter(town, weather, split, sensor, label)
+    wanted = catalogs.PageFilter(town, weather, split, sensor, variant, label)
     location = None
     if dataset is None:
         opened = _open_all(catalog)
@@ -179,6 +181,7 @@ def query(
     weather: Weather = None,
     split: SplitName = None,
     sensor: SensorKind = None,
+    variant: Variant = None,
     label: Label = None,
     index: Annotated[
         bool,
@@ -191,7 +194,7 @@ def query(
     del debug
     from carstage import catalog as catalogs
 
-    wanted = catalogs.PageFilter(town, weather, split, sensor, label)
+    wanted = catalogs.PageFilter(town, weather, split, sensor, variant, label)
     read: Mapping[str, Any] = {}
     if index:
         opened, _ = _open(dataset, catalog)

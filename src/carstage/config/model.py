@@ -32,6 +32,7 @@ from carstage.config.servers import EmbeddedServerConfig, ServerConfig
 from carstage.config.supervision import Supervision
 from carstage.config.timing import Timing, check_substepping
 from carstage.config.traffic import Pedestrians, Traffic, Vehicles
+from carstage.config.variants import VariantsByName, check_variants, has_wet_grip
 from carstage.config.weather import DEFAULT_PRESET, WeatherConfig
 from carstage.errors import BadInputError
 from carstage.releases import refusal
@@ -192,6 +193,13 @@ class Config(Section):
         "docs/how-to/record-a-fleet.md.",
         group="rig",
     )
+    variants: VariantsByName = setting(
+        dict,
+        title="Variants",
+        description="Weathers and rigs by name, by each of which every episode is recorded, all "
+        "else equal; see docs/how-to/record-variants.md.",
+        group="rig",
+    )
     server: ServerConfig = setting(
         EmbeddedServerConfig,
         title="Server",
@@ -251,16 +259,13 @@ class Config(Section):
         check_agents(self)
         self._check_maps()
         self.check_steps()
-        for path, sensor in self.located_sensors():
-            self._check_sensor(path, sensor)
-        everything = [sensor for _, sensor in self.located_sensors()]
+        self.check_sensors()
+        check_variants(self)
+        everything = [sensor for _, sensor in self.sensors_of_all_variants()]
         ids = {sensor.id for sensor in everything}
         cameras = {sensor.id for sensor in everything if sensor.row.is_camera}
         _check_names("cameras", self.labels.cameras, cameras)
         self._check_lidars(everything)
-        if self.labels.occupancy is not None:
-            for seen in (self, *map(self.seen_by, self.agents)):
-                seen._check_occupancy(self.labels.occupancy)
         for name in self.conversion.codecs:
             if name not in ids:
                 message, hint = unknown("sensor", name, ids)
@@ -283,6 +288,18 @@ class Config(Section):
                     "lidars",
                     position,
                 )
+
+    def check_sensors(self) -> None:
+        """Refuse sensors of the ego and of agents that cannot be, or lack what labels need.
+
+        Raises:
+            PydanticCustomError: with the path of a setting.
+        """
+        for path, sensor in self.located_sensors():
+            self._check_sensor(path, sensor)
+        if self.labels.occupancy is not None:
+            for seen in (self, *map(self.seen_by, self.agents)):
+                seen._check_occupancy(self.labels.occupancy)
 
     def _check_occupancy(self, asked: Occupancy) -> None:
         """Voxels are where something is, and get their classes from sensors that tell them."""
@@ -431,6 +448,56 @@ class Config(Section):
     def seen_by(self, agent: VehicleAgent | RoadsideAgent) -> Config:
         """This configuration with an agent's rig in place of the ego's, and no agents."""
         return self.model_copy(update={"rig": agent.rig, "agents": ()})
+
+    def without_variants(self) -> Config:
+        """This configuration as it is without variants; what they have in common stays."""
+        server = self.server
+        if isinstance(server, EmbeddedServerConfig):
+            server = server.model_copy(update={"wet_grip": "on" if self.wet_grip else "off"})
+        return self.model_copy(update={"variants": {}, "server": server})
+
+    def as_variant(self, name: str) -> Config:
+        """This configuration with what one variant has in place of its own, and no variants.
+
+        Raises:
+            KeyError: there is none of that name.
+        """
+        variant = self.variants[name]
+        own = {key: value for key, value in variant if value is not None}
+        return self.without_variants().model_copy(update=own)
+
+    @property
+    def wet_grip(self) -> bool:
+        """Whether water on the road takes grip of the tyres."""
+        return has_wet_grip(self)
+
+    @property
+    def planned_episodes(self) -> int:
+        """Number of episodes, each variant counted."""
+        return self.episodes * max(1, len(self.variants))
+
+    def number_of(self, index: int, variant: str | None) -> int:
+        """Number of an episode among all that are planned, from 0, its variants in a row.
+
+        Args:
+            index: of the episode in the configuration.
+            variant: name of its variant; None: it has none.
+
+        Raises:
+            ValueError: there is no such variant.
+        """
+        names = (*self.variants,) or (None,)
+        return index * len(names) + names.index(variant)
+
+    def sensors_of_all_variants(self) -> list[tuple[tuple[str | int, ...], Sensor]]:
+        """As ``located_sensors``, then those of rigs that variants have of their own."""
+        found = self.located_sensors()
+        for name, variant in self.variants.items():
+            if variant.rig is not None:
+                varied = self.model_copy(update={"rig": variant.rig, "agents": ()})
+                inside = varied.located_sensors()
+                found += [(("variants", name, *path), sensor) for path, sensor in inside]
+        return found
 
     def located_sensors(self) -> list[tuple[tuple[str | int, ...], Sensor]]:
         """The ego's sensors, then the agents', each with its place in the configuration."""

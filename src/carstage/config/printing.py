@@ -59,6 +59,8 @@ def config_reference() -> str:
         shown: dict[str, str] = {}
         for title, section in _sections(key, node, schema):
             name = str(section.get("title"))
+            if key == "variants" and title != "variants.KEY":
+                continue  # what is below has its own place on the page
             if name in shown:
                 parts += ["", f"## {title}", "", f"As `{shown[name]}`."]
                 continue

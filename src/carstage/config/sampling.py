@@ -28,7 +28,10 @@ Problem = tuple[Path, str, str]
 
 MOST_EPISODES = 100_000
 _OF_A_RUN = frozenset(
-    ("name", "seed", "episodes", "server", "supervision", "conversion", "output", "campaign")
+    (
+        *("name", "seed", "episodes", "variants", "server", "supervision", "conversion"),
+        *("output", "campaign"),
+    )
 )
 """Settings that are the same for all episodes of a run."""
 _SHORT_FORMS = ("map", "weather")
@@ -119,9 +122,10 @@ def check_samples(
         return config
     cells = prod(len(dimension.levels or ()) for dimension in crossed(config))
     episodes = cells * campaign.repeats if count_episodes else config.episodes
-    if cells > MOST_EPISODES or episodes > MOST_EPISODES:
+    recorded = episodes * max(1, len(config.variants))
+    if cells > MOST_EPISODES or recorded > MOST_EPISODES:
         path = ("campaign", "method" if cells > MOST_EPISODES else "repeats")
-        message = f"{max(cells, episodes)} combinations are more than {MOST_EPISODES} episodes."
+        message = f"{max(cells, recorded)} combinations are more than {MOST_EPISODES} episodes."
         raise error_of([(path, message, "Give fewer choices, steps or repeats.")])
     return config.model_copy(update={"episodes": episodes})
 

@@ -24,7 +24,7 @@ def _self_test() -> Any:
         "auto",
         title="Self-test",
         description="Check the server before the run, which takes some seconds. `require` refuses "
-        "one that fails; `auto` is `on`, but the embedded simulator is tested once on a machine.",
+        "one that fails. `auto` is `on`; the embedded simulator is then tested once on a machine.",
         group="server",
     )
 
@@ -78,6 +78,13 @@ class EmbeddedServerConfig(Section):
         "0.9.16",
         title="CARLA version",
         description="The version of CARLA that it speaks and numbers its tags like.",
+        group="server",
+    )
+    wet_grip: Literal["auto", "on", "off"] = setting(
+        "auto",
+        title="Wet grip",
+        description="Whether water on the road takes grip of the tyres. `auto`: not where "
+        "variants have weathers of their own.",
         group="server",
     )
     client_python: str = _client_python()

@@ -8,6 +8,7 @@ from carstage.dataset.samples import FrameSamples
 from carstage.dataset.saved_frames import EpisodeFrames, Frame
 from carstage.dataset.splits import SplitRule, StoredSplits
 from carstage.dataset.splitting import split_dataset
+from carstage.dataset.variants import EpisodeVariants
 from carstage.occupancy import Occupancy
 
 __all__ = [
@@ -16,6 +17,7 @@ __all__ = [
     "Dataset",
     "Episode",
     "EpisodeFrames",
+    "EpisodeVariants",
     "Frame",
     "FrameSamples",
     "Occupancy",

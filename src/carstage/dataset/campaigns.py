@@ -92,21 +92,22 @@ def campaign_state(config: Config, dataset: Dataset) -> CampaignState:
     matcher = PlanMatcher(config)
     sampling = matcher.sampling
     counts = QuotaCounts(() if config.campaign is None else config.campaign.quotas)
-    indices = set()
+    numbers = set()
     for episode in dataset.episodes:
-        index = matcher.index_of(episode.spec)
-        if index is not None:
-            indices.add(index)
+        number = matcher.number_of(episode.spec)
+        if number is not None:
+            numbers.add(number)
             counts.add(episode)
-    planned = [sampling.values(index) for index in range(config.episodes)]
-    recorded = [planned[index] for index in sorted(indices)]
+    of_one = config.planned_episodes // config.episodes
+    planned = [sampling.values(number // of_one) for number in range(config.planned_episodes)]
+    recorded = [planned[number] for number in sorted(numbers)]
     cells = [one.path for one in crossed(config)]
     return CampaignState(
         name=config.name,
         method="" if config.campaign is None else config.campaign.method,
-        planned=config.episodes,
-        committed=len(indices),
-        others=len(dataset.episodes) - len(indices),
+        planned=config.planned_episodes,
+        committed=len(numbers),
+        others=len(dataset.episodes) - len(numbers),
         dimensions={one.name: _bins(one, planned, recorded) for one in sampling.dimensions},
         combinations=len(_cells(cells, planned)),
         covered=len(_cells(cells, recorded)),

@@ -21,6 +21,7 @@ from carstage.dataset.saved_frames import Damage, EpisodeFrames, Frame
 from carstage.dataset.splits import Split, StoredSplits, read_splits
 from carstage.dataset.surroundings import read_birds_eye, read_occupancy
 from carstage.dataset.tables import read_table, require_columns, row_sensor
+from carstage.dataset.variants import EpisodeVariants, variants_of
 from carstage.errors import BadInputError, DatasetError
 from carstage.files.bounded import read_bounded
 from carstage.geometry import GeoFrame, pose_matrix
@@ -180,6 +181,16 @@ class Episode:
     def id(self) -> str:
         """Hash of its spec, see ``docs/formats/run-folder.md``."""
         return self.marker.episode_id
+
+    @property
+    def variant(self) -> str | None:
+        """Name of the variant that it is; ``None``: the episode has no variants."""
+        return None if self.spec.variant is None else self.spec.variant.name
+
+    @property
+    def base_id(self) -> str:
+        """What the variants of an episode have in common; its own id where it has none."""
+        return self.id if self.spec.variant is None else self.spec.variant.base_id
 
     @property
     def agents(self) -> tuple[str, ...]:
@@ -515,6 +526,31 @@ class Dataset:
         seen.__dict__["episodes"] = tuple(episode.agent(name) for episode in self.episodes)
         return seen
 
+    def as_variant(self, name: str) -> Dataset:
+        """The same dataset, of which only the episodes of one variant are seen.
+
+        Raises:
+            BadInputError: no episode is a variant of that name.
+        """
+        chosen = tuple(episode for episode in self.episodes if episode.variant == name)
+        if not chosen:
+            known = {episode.variant or "" for episode in self.episodes} - {""}
+            raise BadInputError(
+                f"{self.path} has no variant {name!r}.",
+                f"Variants: {', '.join(sorted(known)) or 'none'}.",
+            )
+        seen = Dataset(self.path)
+        seen.__dict__["episodes"] = chosen
+        return seen
+
+    def variants(self) -> tuple[EpisodeVariants, ...]:
+        """The episodes that were recorded in variants, each with all of them, frame by frame.
+
+        Raises:
+            DatasetError: a commit marker or the document of an episode is damaged.
+        """
+        return variants_of(self.episodes)
+
     @cached_property
     def stored_splits(self) -> StoredSplits | None:
         """What ``carstage split`` has stored; ``None``: nothing.
@@ -531,7 +567,11 @@ class Dataset:
             DatasetError: ``splits.json`` or a commit marker is damaged.
         """
         stored = self.stored_splits
-        return {e.id: "train" if stored is None else stored.of(e.id) for e in self.episodes}
+        if stored is None:
+            return {episode.id: "train" for episode in self.episodes}
+        # Of those that were drawn no document is read.
+        drawn = stored.episodes
+        return {e.id: drawn.get(e.id) or stored.of(e.id, e.base_id) for e in self.episodes}
 
     def split(self, name: Split) -> tuple[Episode, ...]:
         """The episodes of one split, sorted by id.

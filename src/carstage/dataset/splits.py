@@ -8,7 +8,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal, get_args
 
@@ -137,14 +137,22 @@ class StoredSplits:
     Attributes:
         rule: how they were drawn.
         episodes: the split by the id of each episode that there was.
+        variants: the split of all variants of an episode, by their ``base_id``.
     """
 
     rule: SplitRule
     episodes: Mapping[str, Split]
+    variants: Mapping[str, Split] = field(default_factory=dict)
 
-    def of(self, episode_id: str) -> Split:
-        """The split of an episode; one that was recorded later is given one by the rule's seed."""
-        return self.episodes.get(episode_id) or self.rule.later(episode_id)
+    def of(self, episode_id: str, base_id: str) -> Split:
+        """The split of an episode; one that was recorded later is given one by the rule's seed.
+
+        Args:
+            episode_id: of the episode.
+            base_id: what its variants have in common; its own id where it has none.
+        """
+        known = self.episodes.get(episode_id) or self.variants.get(base_id)
+        return known or self.rule.later(base_id)
 
     def lost(self, present: Collection[str]) -> tuple[str, ...]:
         """Ids of which the dataset has no episode."""
@@ -152,13 +160,15 @@ class StoredSplits:
 
     def to_bytes(self) -> bytes:
         """The content of the file; equal splits give equal bytes."""
-        document = {
+        document: dict[str, Any] = {
             "format_version": SPLITS_FORMAT,
             "seed": self.rule.seed,
             "shares": {"val": self.rule.val, "test": self.rule.test},
             "stratify": list(self.rule.stratify),
             "episodes": dict(sorted(self.episodes.items())),
         }
+        if self.variants:
+            document["variants"] = dict(sorted(self.variants.items()))
         return (json.dumps(document, indent=1) + "\n").encode()
 
 
@@ -213,12 +223,14 @@ def _parse(document: Any) -> StoredSplits:
         isinstance(stratify, list) and all(name in CRITERIA for name in stratify),
         f"stratify is no list of {' and '.join(CRITERIA)}",
     )
-    _require(isinstance(episodes, dict), "episodes is no object")
-    for name, split in episodes.items():
-        _require(_ID.fullmatch(name) is not None, f"{name!r:.40} is no id of an episode")
-        _require(split in SPLITS, f"episode {name}: {split!r:.40} is no split")
+    variants = document.get("variants", {})
+    for key, drawn in (("episodes", episodes), ("variants", variants)):
+        _require(isinstance(drawn, dict), f"{key} is no object")
+        for name, split in drawn.items():
+            _require(_ID.fullmatch(name) is not None, f"{name!r:.40} is no id of an episode")
+            _require(split in SPLITS, f"episode {name}: {split!r:.40} is no split")
     rule = SplitRule(shares["val"], shares["test"], seed, tuple(stratify))
-    return StoredSplits(rule, episodes)
+    return StoredSplits(rule, episodes, variants)
 
 
 def _require(holds: bool, words: str) -> None:

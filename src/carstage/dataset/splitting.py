@@ -40,13 +40,38 @@ def split_dataset(
             "Episodes that were recorded later have their split by its rule. --overwrite draws "
             "all of them anew.",
         )
-    strata = {episode.id: stratum(episode, rule.stratify) for episode in dataset.episodes}
-    stored = StoredSplits(rule, rule.draw(strata))
+    stored = draw_splits(dataset.episodes, rule)
     if isinstance(target, RemotePath):
         target.write_bytes(stored.to_bytes())
     else:
         write_whole(target, stored.to_bytes())
     return stored
+
+
+def draw_splits(episodes: Sequence[Episode], rule: SplitRule) -> StoredSplits:
+    """Draw the split of episodes; variants of one episode are in one split.
+
+    Args:
+        episodes: those of a dataset.
+        rule: shares, seed, strata.
+
+    Raises:
+        BadInputError: there are fewer episodes than splits are asked for.
+        DatasetError: an episode cannot be read.
+    """
+    members: dict[str, list[Episode]] = {}
+    for episode in episodes:
+        members.setdefault(episode.base_id, []).append(episode)
+    strata = {
+        base_id: " ".join(sorted({stratum(episode, rule.stratify) for episode in group}))
+        for base_id, group in members.items()
+    }
+    drawn = rule.draw(strata)
+    return StoredSplits(
+        rule,
+        {episode.id: drawn[episode.base_id] for episode in episodes},
+        {e.base_id: drawn[e.base_id] for e in episodes if e.variant is not None},
+    )
 
 
 def stratum(episode: Episode, criteria: Sequence[Criterion]) -> str:

@@ -54,7 +54,7 @@ class Exporter(ABC):
         name: what users write.
         summary: one line about it.
         uses: the names of the options that it knows; others are refused, but for the choice of
-            episodes, which is not for formats to know.
+            episodes and variants, which is not for formats to know.
         files: holds what the exporter has open.
         sensors_left_out: by id of a sensor, the frames whose data the format has no place for; for
             formats that say they hold every sensor.
@@ -139,7 +139,7 @@ def exporter_for(name: str, options: ExportOptions) -> Exporter:
         raise BadInputError(f"No export format {name!r}.", f"Formats: {', '.join(known)}.")
     flags = {option.name: flag_of(option) for option in fields(ExportOptions)}
     for given in options.given():
-        everybodys = ("episodes",) if known[name].with_agents else ("episodes", "agent")
+        everybodys = ("episodes", "variant", *(() if known[name].with_agents else ("agent",)))
         if given not in everybodys and given not in known[name].uses:
             used = ", ".join(flags[use] for use in sorted(known[name].uses))
             raise BadInputError(

@@ -25,6 +25,7 @@ from carstage.exporters.options import ExportOptions
 from carstage.exporters.remote_target import check_remote_target, remote_folder
 from carstage.exporters.splits import ExportSplits, Split, splits_of_export
 from carstage.exporters.target import check_target, export_folder, write_document
+from carstage.exporters.variants import episode_entries
 from carstage.storage import DatasetPath, RemotePath, dataset_root
 from carstage.storage.marker import CommitMarker
 from carstage.validation import Problem
@@ -151,7 +152,7 @@ def export_dataset(
                 **{key: value for key, value in summary.to_json().items() if key != "path"},
                 "created_by": f"carstage {__version__}",
                 "dataset": source.name,
-                "episode_ids": [episode.id for episode in episodes],
+                **episode_entries(episodes),
                 "options": asdict(exporter.options),
             },
         )
@@ -162,9 +163,11 @@ def _chosen(source: Dataset, options: ExportOptions) -> Dataset:
     """The episodes that the options name, as those of the agent that they name.
 
     Raises:
-        BadInputError: there is no such episode or agent.
+        BadInputError: there is no such episode, variant or agent.
     """
     chosen = source.only(options.episodes)
+    if options.variant is not None:
+        chosen = chosen.as_variant(options.variant)
     return chosen if options.agent is None else chosen.as_agent(options.agent)
 
 

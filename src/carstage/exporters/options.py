@@ -49,6 +49,7 @@ class ExportOptions:
         messages: of MCAP: which messages.
         episodes: ids of the episodes to export; none: all.
         agent: name of the agent beside the ego whose sensors and labels are exported.
+        variant: name of the variant whose episodes are exported; none: all.
         categories: Car-STAGE's classes, or COCO's 80.
         class_map: targets of the classes, see ``read_class_map``.
         nuscenes_locations: whether towns get the names of the four locations that nuScenes's
@@ -116,6 +117,10 @@ class ExportOptions:
     agent: str | None = field(
         default=None,
         metadata=_shown("Export what this agent recorded, in place of the ego.", "NAME"),
+    )
+    variant: str | None = field(
+        default=None,
+        metadata=_shown("Export the episodes of this variant only.", "NAME"),
     )
     class_map: ClassMap | None = field(
         default=None,

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from carstage.dataset import Dataset, Episode, SplitRule
 from carstage.dataset.splits import SPLITS, Split, StoredSplits
+from carstage.dataset.splitting import draw_splits
 from carstage.exporters.options import ExportOptions
 
 __all__ = ["SPLITS", "ExportSplits", "Split", "splits_of_export"]
@@ -51,11 +52,11 @@ def splits_of_export(
     ids = [episode.id for episode in episodes]
     if options.val_share is not None or options.test_share is not None:
         rule = SplitRule(options.val_share or 0.0, options.test_share or 0.0)
-        return ExportSplits(rule.draw(dict.fromkeys(ids, "")), ())
+        return ExportSplits(draw_splits(episodes, rule).episodes, ())
     stored = dataset.stored_splits
     if stored is None:
         return ExportSplits(dict.fromkeys(ids, "train"), (_without_splits(len(ids)),))
-    found = {episode_id: stored.of(episode_id) for episode_id in ids}
+    found = {episode.id: stored.of(episode.id, episode.base_id) for episode in episodes}
     present = {episode.id for episode in dataset.episodes}
     return ExportSplits(found, tuple(_of_stored(stored, found.values(), present)))
 

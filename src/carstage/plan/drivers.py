@@ -28,7 +28,7 @@ from carstage.spec import (
 
 _OWN = (
     "dialect", "steps", "save_every", "sensors", "labels", "ground_truth", "max_distance_m",
-    "min_lidar_points",
+    "min_lidar_points", "wet_grip",
 )  # fmt: skip
 """What a replay takes from its own configuration, beside the weather."""
 
@@ -115,5 +115,6 @@ def driven_again(
         **{name: settings[name] for name in _OWN},
         index=index,
         weather=weather,
+        variant=None,
         ego=replace(drive.spec.ego, driver=driver),
     )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import fields
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import fields, replace
+from functools import lru_cache
 from typing import Any, TypeVar
 
 import numpy as np
@@ -44,6 +45,7 @@ from carstage.spec import (
     SensorSpec,
     TimingSpec,
     TrafficSpec,
+    VariantSpec,
     VehiclesSpec,
     WeatherChange,
     WeatherSpec,
@@ -77,16 +79,55 @@ def plan_episodes(
     """
     if isinstance(recording, Drive):
         check_drive(config, recording)
-    check_offered(config, facts, recording)
+    check_offered(config.without_variants(), facts, recording)
     _check_samples_offered(config, facts, recording)
-    make = _Planner(config, facts, recording).episode
-    texts, costs = CanonicalTexts(), EpisodeCosts()
-    ids, needs = [], np.empty(config.episodes, COST)
-    for index in range(config.episodes):
-        spec = make(index)
-        ids.append(texts.episode_id(spec))
-        needs[index] = costs.of(spec)
-    return EpisodePlan(make, np.arange(config.episodes), tuple(ids), needs)
+    _check_variants_offered(config, facts, recording)
+    planners = _planners_of(config, facts, recording)
+
+    def make(number: int) -> EpisodeSpec:
+        index, place = divmod(number, len(planners))
+        return planners[place].episode(index)
+
+    texts = [CanonicalTexts() for _ in planners]
+    costs = [EpisodeCosts() for _ in planners]
+    ids, needs = [], np.empty(config.planned_episodes, COST)
+    for number in range(config.planned_episodes):
+        spec, place = make(number), number % len(planners)
+        ids.append(texts[place].episode_id(spec))
+        needs[number] = costs[place].of(spec)
+    return EpisodePlan(make, np.arange(config.planned_episodes), tuple(ids), needs)
+
+
+def _planners_of(
+    config: Config, facts: ServerFacts, recording: Source | None
+) -> Sequence[_Planner | _VariantPlanner]:
+    """What makes the specifications of an index: one for each variant, if there are any."""
+    base = _Planner(config, facts, recording)
+    if not config.variants:
+        return (base,)
+    texts = CanonicalTexts()
+
+    @lru_cache(maxsize=1)
+    def base_id(index: int) -> str:
+        return texts.episode_id(base.episode(index))
+
+    return tuple(
+        _VariantPlanner(name, _Planner(config, facts, recording, name), base_id)
+        for name in config.variants
+    )
+
+
+def _check_variants_offered(config: Config, facts: ServerFacts, recording: Source | None) -> None:
+    """Refuse what a variant has of its own and the server does not have.
+
+    Raises:
+        ConfigError: with the path of the value.
+    """
+    for name in config.variants:
+        try:
+            check_offered(config.as_variant(name), facts, recording)
+        except ConfigError as error:
+            raise ConfigError(f"variants.{name}.{error.message}", error.hint) from error
 
 
 def _check_samples_offered(config: Config, facts: ServerFacts, recording: Source | None) -> None:
@@ -116,10 +157,18 @@ class _Planner:
         config: what the user asks for.
         facts: what the server offers.
         recording: what scenario or driver plays, where that is a file.
+        variant: name of the variant to make; None: the episode without any.
     """
 
-    def __init__(self, config: Config, facts: ServerFacts, recording: Source | None) -> None:
+    def __init__(
+        self,
+        config: Config,
+        facts: ServerFacts,
+        recording: Source | None,
+        variant: str | None = None,
+    ) -> None:
         self.sampling = Sampling(config)
+        self._variant = variant
         self._facts = facts
         self._recording = recording
         self._draws = Draws(config.seed)
@@ -131,7 +180,7 @@ class _Planner:
         Raises:
             ConfigError: the server lacks a map or a spawn point.
         """
-        config, facts = self.sampling.config(index), self._facts
+        config, facts = self.config(index), self._facts
         # Each choice is drawn whether it is free or not, so that fixing one moves no other.
         map_draw, weather_draw, spawn_draw = self._draws.uniform(index, _CHOICES_STREAM, 3)
         maps = self._once("maps", (config.map,), lambda: _maps(config, facts, self._recording))
@@ -164,6 +213,13 @@ class _Planner:
             seeds=self.seeds(index),
             agents=plan_agents(config, facts, name, index, self._draws, self.agent_sensors),
         )
+
+    def config(self, index: int) -> Config:
+        """The configuration of an index: its sampled values, then what the variant has."""
+        config = self.sampling.config(index)
+        if self._variant is not None:
+            return config.as_variant(self._variant)
+        return config.without_variants() if config.variants else config
 
     def agent_sensors(self, config: Config, position: int) -> tuple[SensorSpec, ...]:
         """The sensors of an agent."""
@@ -214,7 +270,32 @@ class _Planner:
             ),
             "max_distance_m": config.max_distance_m,
             "min_lidar_points": config.min_lidar_points,
+            "wet_grip": config.wet_grip,
         }
+
+
+class _VariantPlanner:
+    """Makes the specifications of one variant.
+
+    Args:
+        name: of the variant.
+        planner: makes them, but for what variant they are.
+        base_id: gives the id of an index as it would be without variants.
+    """
+
+    def __init__(self, name: str, planner: _Planner, base_id: Callable[[int], str]) -> None:
+        self._name = name
+        self._planner = planner
+        self._base_id = base_id
+
+    def episode(self, index: int) -> EpisodeSpec:
+        """The specification of an index.
+
+        Raises:
+            ConfigError: the server lacks a map or a spawn point.
+        """
+        variant = VariantSpec(self._name, self._base_id(index))
+        return replace(self._planner.episode(index), variant=variant)
 
 
 class PlanMatcher:
@@ -226,13 +307,15 @@ class PlanMatcher:
 
     def __init__(self, config: Config) -> None:
         self._config = config
-        self._planner = _Planner(config, ServerFacts(maps={}), None)
-        self.sampling = self._planner.sampling
+        facts, names = ServerFacts(maps={}), tuple(config.variants) or (None,)
+        self._planners = {name: _Planner(config, facts, None, name) for name in names}
+        self.sampling = self._planners[names[0]].sampling
 
-    def index_of(self, spec: EpisodeSpec) -> int | None:
-        """The number of an episode in the configuration, from 0; None where it is of another.
+    def number_of(self, spec: EpisodeSpec) -> int | None:
+        """The number of an episode among those planned, from 0; None where it is of another.
 
-        Map, spawn point and what the server speaks are not compared.
+        The variants of an episode follow one another. Map, spawn point, weather and what the
+        server speaks are not compared.
 
         Args:
             spec: of a recorded episode.
@@ -240,18 +323,22 @@ class PlanMatcher:
         Raises:
             ConfigError: the values of that episode do not go together.
         """
-        if spec.index >= self._config.episodes or spec.seeds != self._planner.seeds(spec.index):
+        name = None if spec.variant is None else spec.variant.name
+        if name not in self._planners or spec.index >= self._config.episodes:
             return None
-        config = self.sampling.config(spec.index)
+        planner = self._planners[name]
+        if spec.seeds != planner.seeds(spec.index):
+            return None
+        config = planner.config(spec.index)
         driver = config.ego.driver
         if isinstance(driver, ReplayDriver) or plan_driver(config, driver) != spec.ego.driver:
             return None
-        if not are_as_asked(spec.agents, config, self._planner.agent_sensors):
+        if not are_as_asked(spec.agents, config, planner.agent_sensors):
             return None
-        wanted = self._planner.settings(config)
+        wanted = planner.settings(config)
         del wanted["dialect"]
         if all(getattr(spec, name) == value for name, value in wanted.items()):
-            return spec.index
+            return self._config.number_of(spec.index, name)
         return None
 
 

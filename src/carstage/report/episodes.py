@@ -168,8 +168,10 @@ def _summary(episode: Episode) -> str:
     spec, document = episode.spec, episode.document
     spawned = document["spawned"]
     weather = spec.weather.preset or "given parameters"
+    variant = "" if episode.variant is None else f", variant {episode.variant}"
     return (
-        f"{spec.map}, {weather}; {episode.frames} frames at {frames_per_second(episode):g} Hz; "
+        f"{spec.map}, {weather}{variant}; "
+        f"{episode.frames} frames at {frames_per_second(episode):g} Hz; "
         f"ego {spec.ego.blueprint}, scenario {spec.scenario.kind}; "
         f"{spawned['vehicles']} of {spec.vehicles.count} vehicles and "
         f"{spawned['pedestrians']} of {spec.pedestrians.count} pedestrians; "

@@ -182,6 +182,7 @@ def _episode_list(dataset: Dataset) -> str:
             episode.id,
             episode.spec.map,
             weather_name(episode),
+            episode.variant or "",
             episode.frames,
             f"{frames_per_second(episode):g} Hz",
             episode.spec.ego.blueprint,
@@ -189,5 +190,5 @@ def _episode_list(dataset: Dataset) -> str:
         for episode in dataset.episodes
     ]
     return "<h2>All episodes</h2>" + html.table(
-        ("Episode", "Map", "Weather", "Frames", "Rate", "Ego"), rows
+        ("Episode", "Map", "Weather", "Variant", "Frames", "Rate", "Ego"), rows
     )

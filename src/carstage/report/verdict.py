@@ -124,6 +124,14 @@ def _measured(report: ValidationReport) -> list[tuple[str, str]]:
                 _share(found["share"], found["pixels"], "to compare"),
             )
         )
+    variants = figures["variants"]
+    if variants["groups"]:
+        rows.append(
+            (
+                f"Farthest between poses of variants, {variants['poses']:,} compared",
+                f"{variants['largest_m']:g} m, {variants['largest_deg']:g} degrees",
+            )
+        )
     rows.append(
         ("Steps of objects that are those of their velocities",
          _share(motion["share"], motion["steps"], "to compare"))

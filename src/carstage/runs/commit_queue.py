@@ -75,7 +75,7 @@ class CommitQueue:
         self._keep_raw = config.output.keep_raw
         self.converters = Converters(
             config.conversion.workers,
-            pictures=any(one.row.is_camera for _, one in config.located_sensors()),
+            pictures=any(one.row.is_camera for _, one in config.sensors_of_all_variants()),
         )
         self._later: deque[AttemptCommit] = deque()
         self.under_way: list[AttemptCommit] = []

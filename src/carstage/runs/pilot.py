@@ -44,7 +44,7 @@ class Pilot:
     """What one short episode took, once the server was up.
 
     Attributes:
-        index: its number in the configuration, from 0.
+        index: its number among those planned, from 0.
         frames: saved frames.
         begin_cpu_s, begin_wall_s: until the first recorded step: loading, spawning, warm-up.
         frames_cpu_s: from there to the commit, of all processes of the run.
@@ -72,13 +72,13 @@ def record_pilots(
 ) -> list[Pilot]:
     """Record some episodes of a configuration, shortened, into a folder that is then removed.
 
-    They are spread evenly over the configuration. Each has a server of its own, so that what one
-    leaves to be done does not count as the next one's. Another episode goes before it: what a
-    server and the converters do once in their life is not the pilot's.
+    They are spread evenly over the configuration, and its variants take turns. Each has a server of
+    its own, so that what one leaves to be done does not count as the next one's. Another episode
+    goes before it: what a server and the converters do once in their life is not the pilot's.
 
     Args:
         config: the configuration.
-        count: how many, at most as many as it has episodes.
+        count: how many, at most as many as it has episodes in all variants.
         notice: told of what goes on.
         longest_s: simulated seconds of a pilot, at most.
 
@@ -89,12 +89,17 @@ def record_pilots(
         KeyboardInterrupt: the user ended it.
     """
     sampling = Sampling(config)
-    count = min(count, config.episodes)
+    names = tuple(config.variants)
+    count = min(count, config.planned_episodes)
     pilots = []
     for number in range(count):
-        index = (2 * number + 1) * config.episodes // (2 * count)
+        episode = (2 * number + 1) * config.episodes // (2 * count)
+        asked, variant = sampling.config(episode), names[number % len(names)] if names else None
+        if variant is not None:
+            asked = asked.as_variant(variant)
+        index = config.number_of(episode, variant)
         notice(f"Pilot {number + 1} of {count}: episode {index + 1}, shortened.")
-        short = shortened(sampling.config(index), longest_s)
+        short = shortened(asked, longest_s)
         with tempfile.TemporaryDirectory(prefix="carstage-pilot-") as folder:
             pilots.append(_record(short, Path(folder) / "pilot", index, notice))
     return pilots

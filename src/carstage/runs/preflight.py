@@ -234,7 +234,7 @@ def check_codecs(config: Config) -> None:
     """
     from carstage.codecs import codec_names
 
-    for _, sensor in config.located_sensors():
+    for _, sensor in config.sensors_of_all_variants():
         codec = config.conversion.codecs.get(sensor.id)
         known = codec_names(sensor.kind)
         if codec is not None and codec not in known:

@@ -117,6 +117,10 @@ def config_of(asked: Mapping[str, Any]) -> Config:
             "timing: beside another program every sensor measures in each of its steps.",
             "Leave timing.mode and timing.sensor_sync out.",
         )
+    if config.variants:
+        raise ConfigError(
+            "variants: beside another program there is one recording.", "Leave them out."
+        )
     for index, sensor in enumerate(config.rig.sensors):
         if sensor.attachment == FOLLOW:
             raise ConfigError(

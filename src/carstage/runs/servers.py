@@ -51,11 +51,12 @@ def make_server(config: Config, log_path: Path | None, ports: PortRange = ANY_PO
     server = config.server
     if isinstance(server, EmbeddedServerConfig):
         maps = (word for _, path in map_sources(config) for word in ("--maps", str(path)))
+        grip = () if config.wet_grip else ("--wet-grip", "off")
         return EmbeddedServer(
             port=None if server.port == "auto" else server.port,
             threads=None if server.threads == "auto" else server.threads,
             log_path=log_path,
-            arguments=("--protocol", server.carla_version, *maps),
+            arguments=("--protocol", server.carla_version, *grip, *maps),
             traffic_manager_ports=ports,
         )
     if isinstance(server, CarlaServerConfig):
@@ -239,7 +240,8 @@ class ServerSetup:
 
     def _find_client(self, version: str) -> ClientPython:
         server = self._config.server
-        reason = refusal(version, {s.kind: s.row.since for _, s in self._config.located_sensors()})
+        sensors = self._config.sensors_of_all_variants()
+        reason = refusal(version, {sensor.kind: sensor.row.since for _, sensor in sensors})
         if reason:
             raise BadInputError(
                 f"server: {reason}.", "Use a newer CARLA, or leave such sensors out."

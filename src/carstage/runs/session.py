@@ -39,6 +39,7 @@ from carstage.runs.server_worker import POLL_S, ServerWorker
 from carstage.runs.servers import ServerSetup
 from carstage.runs.wakeup_pipe import WakeupPipe
 from carstage.selftest import Verdict
+from carstage.spec import EpisodeSpec
 from carstage.storage import Store
 
 
@@ -147,7 +148,7 @@ class Session(RunSession):
         self._attempted = True
         self._status.current = CurrentEpisode(
             episode_id=job.episode_id,
-            index=job.spec.index,
+            index=self._number_of(job.spec),
             attempt=attempt,
             ticks_total=job.spec.steps,
             frames_total=job.spec.saved_frames,
@@ -338,6 +339,10 @@ class Session(RunSession):
         reason = "another run has committed it meanwhile"
         self._record.event(EpisodeSkipped(episode_id=job.episode_id, reason=reason))
 
+    def _number_of(self, spec: EpisodeSpec) -> int:
+        """Number of an episode among all of the configuration, from 0."""
+        return self._config.number_of(spec.index, spec.variant.name if spec.variant else None)
+
     def _show_conversion(self) -> None:
         attempt_commit = self._queue.under_way[0]
         if self._status.state != "converting":
@@ -345,7 +350,7 @@ class Session(RunSession):
         steps, frames = attempt_commit.job.spec.steps, attempt_commit.job.spec.saved_frames
         self._status.current = CurrentEpisode(
             episode_id=attempt_commit.job.episode_id,
-            index=attempt_commit.job.spec.index,
+            index=self._number_of(attempt_commit.job.spec),
             attempt=attempt_commit.attempt,
             ticks_done=steps,
             ticks_total=steps,

@@ -53,6 +53,7 @@ from carstage.spec.sensors import (
     SensorSpec,
 )
 from carstage.spec.timing import SavedSteps, TimingSpec
+from carstage.spec.variants import VariantSpec, is_variant_name
 
 __all__ = [
     "AGENT_KINDS",
@@ -104,12 +105,14 @@ __all__ = [
     "StationarySpec",
     "TimingSpec",
     "TrafficSpec",
+    "VariantSpec",
     "VehiclesSpec",
     "WeatherChange",
     "WeatherSpec",
     "agent_of",
     "event_plugins",
     "is_agent_name",
+    "is_variant_name",
     "known_events",
     "stream_of",
 ]

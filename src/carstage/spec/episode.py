@@ -22,6 +22,7 @@ from carstage.spec.scenario import ScenarioSpec, read_scenario
 from carstage.spec.scene import EgoSpec, WeatherSpec
 from carstage.spec.sensors import SensorSpec, read_sensors
 from carstage.spec.timing import SavedSteps, TimingSpec
+from carstage.spec.variants import VariantSpec
 
 SPEC_VERSION = 1
 _ID_DIGITS = 16
@@ -63,6 +64,8 @@ class EpisodeSpec:
         opendrive: named hash of the map's text, where it is a file of the user's; None: the
             server's own map.
         agents: further vehicles and roadside units with sensors of their own.
+        wet_grip: whether the embedded simulator lets water on the road take grip of the tyres.
+        variant: which variant of an episode this is; None: it has none.
     """
 
     dialect: str
@@ -89,6 +92,8 @@ class EpisodeSpec:
     spec_version: int = SPEC_VERSION
     opendrive: Optional[str] = field(default=None, metadata=LEFT_OUT)
     agents: Tuple[AgentSpec, ...] = field(default=(), metadata=LEFT_OUT)
+    wet_grip: bool = field(default=True, metadata=LEFT_OUT)
+    variant: Optional[VariantSpec] = field(default=None, metadata=LEFT_OUT)
 
     @classmethod
     def from_json(
@@ -144,6 +149,8 @@ class EpisodeSpec:
             else 0,
             opendrive=given.text("opendrive") if "opendrive" in given else None,
             agents=read_agents(given, kinds),
+            wet_grip=given.flag("wet_grip") if "wet_grip" in given else True,
+            variant=VariantSpec.read(given.object("variant")) if "variant" in given else None,
         )
 
     def to_json(self) -> Dict[str, Any]:

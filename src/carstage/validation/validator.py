@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from carstage.dataset.reading import Dataset, Episode
+from carstage.dataset.variants import EpisodeVariants, variants_of
 from carstage.errors import CarStageError
 from carstage.storage.remote_path import DatasetPath
 from carstage.validation.checks.catalogue import RULES
@@ -19,6 +20,7 @@ from carstage.validation.checks.pictures import check_repeated_episodes
 from carstage.validation.checks.population import check_population
 from carstage.validation.checks.splits import check_splits
 from carstage.validation.checks.tag_images import check_tag_table
+from carstage.validation.checks.variants import check_variants
 from carstage.validation.checks.vector_maps import VectorMapChecks
 
 REPORT_FORMAT = 1
@@ -40,7 +42,8 @@ class ValidationReport:
             ``rgb_frame``: the same against the labels of the frame before (-1) and after (1);
             ``flow``: by camera, pixels compared and the share that agrees; ``motion``: steps of
             objects, likewise; ``pictures``: by camera, images and how many show nothing;
-            ``labels``: counts.
+            ``labels``: counts; ``variants``: episodes in variants, poses compared, and how far they
+            lie apart at most.
     """
 
     problems: tuple[Problem, ...]
@@ -73,6 +76,19 @@ def _views(episode: Episode) -> tuple[Episode, ...]:
         return episode.views
     except CarStageError:
         return (episode,)
+
+
+def _variants(dataset: Dataset) -> tuple[EpisodeVariants, ...]:
+    """The variants of episodes, of those whose document can be read."""
+    readable = []
+    for episode in dataset.episodes:
+        try:
+            is_variant = episode.variant is not None
+        except CarStageError:
+            continue  # the checks of its files say so
+        if is_variant:
+            readable.append(episode)
+    return variants_of(readable)
 
 
 def validate_dataset(
@@ -120,6 +136,10 @@ def validate_dataset(
         findings = Findings(episode.id)
         everything.append(findings)
         check_fleet(episode, findings)
+    for variants in _variants(dataset):
+        findings = Findings(next(iter(variants.episodes.values())).id)
+        everything.append(findings)
+        check_variants(variants, findings, figures.variants)
     findings = Findings(None)
     everything.append(findings)
     if not dataset.episodes:

@@ -99,8 +99,10 @@ class World:
         *,
         previous: World | None = None,
         before_spawn: Callable[[str, Mapping[str, str]], None] | None = None,
+        wet_grip: bool = True,
     ) -> None:
         self.town = town
+        self._wet_grip = wet_grip
         self.episode_id = episode_id
         self.frame = 1
         self.elapsed_s = 0.0
@@ -541,9 +543,8 @@ class World:
                 vehicle.control = controller.step(speed, self.parameters(actor), part_s)
                 self.fleet.set_control(actor.actor_id, vehicle.control)
 
-        self._mechanics.step(
-            delta_s, physics, self.weather.precipitation_deposits, steer if steered else None
-        )
+        puddles_percent = self.weather.precipitation_deposits if self._wet_grip else 0.0
+        self._mechanics.step(delta_s, physics, puddles_percent, steer if steered else None)
         for actor_id in self._mechanics.fallen():
             self.destroy(actor_id)
         self._bury()

@@ -105,6 +105,19 @@ def test_a_pilot_is_the_second_of_two_short_episodes() -> None:
         assert {spec.vehicles.count for spec in plan} == {sampling.config(index).vehicles.count}
 
 
+def test_pilots_take_turns_with_the_variants(monkeypatch: pytest.MonkeyPatch) -> None:
+    recorded: list[tuple[int, str | None, int]] = []
+
+    def record(short: Config, _out: Path, index: int, _notice: object) -> Pilot:
+        recorded.append((index, short.weather.choice, len(short.variants)))
+        return replace(PILOT, index=index)
+
+    monkeypatch.setattr("carstage.runs.pilot._record", record)
+    variants = "{dry: {}, night: {weather: {choice: ClearNight}}}"
+    record_pilots(config(f"{{episodes: 6, variants: {variants}}}"), 3)
+    assert recorded == [(2, "ClearNoon", 0), (7, "ClearNight", 0), (10, "ClearNoon", 0)]
+
+
 def test_cpu_time_of_children_counts_while_they_live_and_after() -> None:
     before_s = tree_cpu_s()
     burn = "import time\nwhile time.process_time() < 0.5: pass\nprint('done', flush=True)\ninput()"

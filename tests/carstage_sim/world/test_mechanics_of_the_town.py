@@ -187,11 +187,12 @@ def stopping_way(world: World, town: Town, friction: str | None, puddles: float 
 def test_friction_triggers_and_water_lengthen_the_way_to_stop(
     stage01: Town, earlier: World
 ) -> None:
-    def way(friction: str | None, puddles: float = 0.0) -> float:
-        world = World(stage01, episode_id=1, previous=earlier)
+    def way(friction: str | None, puddles: float = 0.0, *, wet_grip: bool = True) -> float:
+        world = World(stage01, episode_id=1, previous=earlier, wet_grip=wet_grip)
         return stopping_way(world, stage01, friction, puddles)
 
     dry = way(None)
+    assert way(None, puddles=100.0, wet_grip=False) == dry
     assert way("3.5f") == pytest.approx(dry, rel=0.01)
     assert way("1.0") > 2.0 * dry
     assert dry < way(None, puddles=100.0) < 1.6 * dry

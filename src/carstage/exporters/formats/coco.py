@@ -24,6 +24,7 @@ from carstage.exporters.lenses import lens_entry
 from carstage.exporters.options import ExportOptions
 from carstage.exporters.rigs import colour_cameras
 from carstage.exporters.splits import Split
+from carstage.exporters.variants import variant_entry
 from carstage.geometry import coco_rectangle
 
 CATEGORIES = {name: number for number, name in enumerate(CLASSES, 1)}
@@ -64,6 +65,7 @@ class CocoWriter:
             "file_name": picture.name, "width": camera.width, "height": camera.height,
             "episode_id": frame.episode.id, "k": frame.k, "timestamp_s": frame.timestamp_s,
             "camera": camera_id, "K": camera.k.tolist(), **lens_entry(camera),
+            **variant_entry(frame.episode),
         }  # fmt: skip
         numbers = category_numbers(self.options)
         annotations = tuple(

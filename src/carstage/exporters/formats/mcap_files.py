@@ -20,6 +20,7 @@ from carstage.exporters.exporter import Exporter, register
 from carstage.exporters.formats.foxglove_layout import layout
 from carstage.exporters.formats.mcap_messages import Stamped, nanoseconds
 from carstage.exporters.options import ExportOptions
+from carstage.exporters.variants import variant_entry
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
@@ -113,7 +114,12 @@ class McapFiles(Exporter):
         self._writer: Writer = Writer(self.files.enter_context(file))
         self._writer.start(profile=self._module.PROFILE, library=f"carstage {__version__}")
         self._writer.add_metadata(
-            "episode", {"episode_id": episode.id, "map": str(episode.document["map"])}
+            "episode",
+            {
+                "episode_id": episode.id,
+                **variant_entry(episode),
+                "map": str(episode.document["map"]),
+            },
         )
         self._schemas: dict[str, tuple[int, str]] = {}
         self._channels: dict[str, int] = {}

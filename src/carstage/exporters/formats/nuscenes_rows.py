@@ -116,7 +116,7 @@ class SceneTables:
                 "first_sample_token": self._samples.first,
                 "last_sample_token": self._samples.last,
                 "name": name,
-                "description": self._episode.spec.weather.preset or "",
+                "description": _description(self._episode),
             },
         )
 
@@ -165,3 +165,9 @@ class SceneTables:
                 **calibrated_sensor(self._episode.calibration.sensors[sensor_id]),
             },
         )
+
+
+def _description(episode: Episode) -> str:
+    """What a scene shows: its variant, where there are any, and its weather."""
+    variant = "" if episode.variant is None else f"variant {episode.variant}"
+    return ", ".join(filter(None, (variant, episode.spec.weather.preset)))

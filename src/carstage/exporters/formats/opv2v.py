@@ -18,6 +18,7 @@ from carstage.exporters.labels import require_labels
 from carstage.exporters.options import ExportOptions
 from carstage.exporters.rigs import colour_cameras, main_lidar
 from carstage.exporters.splits import Split
+from carstage.exporters.variants import variant_entry
 from carstage.sensor_kinds.model import COLOUR
 
 MOST_CAMERAS: Final = 4
@@ -161,6 +162,7 @@ def protocol_document(episode: Episode, agents: Sequence[CooperativeAgent]) -> d
     return {
         "created_by": f"carstage {episode.marker.versions.get('carstage')}",
         "episode_id": episode.id,
+        **variant_entry(episode),
         "world": {
             "town": spec.map,
             "sync_mode": spec.timing.synchronous,

@@ -19,6 +19,7 @@ from carstage.exporters.exporter import Exporter, register
 from carstage.exporters.lenses import lens_entry
 from carstage.exporters.options import ExportOptions
 from carstage.exporters.splits import Split
+from carstage.exporters.variants import variant_entry
 from carstage.sensor_kinds.model import COLOUR, NORMALS, TAGS
 
 SHARD_BYTES = 1 << 29
@@ -79,6 +80,7 @@ def _labels(frame: Frame, class_map: ClassMap | None) -> Mapping[str, Any]:
     sensors = frame.episode.calibration.sensors
     return {
         "episode_id": frame.episode.id,
+        **variant_entry(frame.episode),
         "k": frame.k,
         "timestamp_s": frame.timestamp_s,
         "ego": frame.ego,

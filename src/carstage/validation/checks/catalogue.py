@@ -48,6 +48,7 @@ GROUPS: Final[dict[str, dict[str, str]]] = {
         "events": "events are those that were planned, as near as the labels say",
         "controls": "the driver's commands are one for each tick, and were applied",
         "fleet": "agents have the ego's frames, and put everybody where the ego's tables do",
+        "variants": "variants of an episode have the same frames, and everybody at the same places",
         "readings": "IMU and GNSS read what the motion of their sensor makes them",
     },
     "Labels against the data": {

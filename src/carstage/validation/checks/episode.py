@@ -92,6 +92,7 @@ from carstage.validation.checks.silhouettes import (
 )
 from carstage.validation.checks.tag_images import check_tags
 from carstage.validation.checks.tracks import check_tracks
+from carstage.validation.checks.variants import VariantFigures
 
 SKY = next(number for number, tag in TAGS_0_9_14.items() if tag.name == "Sky")
 
@@ -117,6 +118,7 @@ class Figures:
     motion: MotionFigures = field(default_factory=MotionFigures)
     pictures: dict[str, PictureFigures] = field(default_factory=lambda: defaultdict(PictureFigures))
     population: Population = field(default_factory=Population.empty)
+    variants: VariantFigures = field(default_factory=VariantFigures)
     not_decidable: list[str] = field(default_factory=list)
 
     def to_dict(self, episodes: int) -> dict[str, Any]:
@@ -144,6 +146,7 @@ class Figures:
             "motion": self.motion.to_dict(),
             "pictures": {camera: p.to_dict() for camera, p in sorted(self.pictures.items())},
             "labels": self.population.to_dict(),
+            "variants": self.variants.to_dict(),
             "not_decidable": self.not_decidable,
         }
 

@@ -23,7 +23,7 @@ def check_splits(dataset: Dataset, findings: Findings) -> None:
             f"splits.json has the episode {name}, and the dataset does not",
             severity="warning",
         )
-    used = {stored.of(name) for name in present}
+    used = set(dataset.splits().values())
     for split in stored.rule.wanted:
         if split not in used:
             findings.add("splits", f"no episode is in the split {split}", severity="warning")

@@ -70,7 +70,7 @@ class ConfigChecker:
         from carstage.runs.preflight import check_codecs, disk_need, fits, recording_of
 
         check_codecs(config)
-        planned = min(config.episodes, _MOST_PLANNED)
+        planned = min(config.episodes, max(1, _MOST_PLANNED // max(1, len(config.variants))))
         few = config.model_copy(update={"episodes": planned})
         recording = recording_of(config, self._roots.home)
         names = [*maps_of(config), *([] if recording is None else [recording.map])]
@@ -82,7 +82,7 @@ class ConfigChecker:
         work_bytes = disk_need(estimate, dataset_elsewhere=True)
         free_bytes = self._roots.free_bytes()
         return Estimate(
-            episodes=config.episodes,
+            episodes=config.planned_episodes,
             frames=round(episodes.frames * scale),
             sensors=len(config.located_sensors()),
             hidden_sensors=sum(sensor.hidden for sensor in episodes[0].streams.values()),
@@ -183,11 +183,14 @@ def _scaled(config: Config, estimate: RunEstimate, scale: float) -> RunEstimate:
 
 def _notes(config: Config) -> list[str]:
     """What the form cannot show of a configuration."""
-    if config.campaign is None:
-        return []
-    names = ", ".join(config.campaign.sample)
-    sampled = f"; what the form shows of {names} is one value of many" if names else ""
-    return [f"campaign: it is edited as text{sampled}."]
+    notes = []
+    if config.campaign is not None:
+        names = ", ".join(config.campaign.sample)
+        sampled = f"; what the form shows of {names} is one value of many" if names else ""
+        notes.append(f"campaign: it is edited as text{sampled}.")
+    if config.variants:
+        notes.append(f"variants: {', '.join(config.variants)}; they are edited as text.")
+    return notes
 
 
 def _check_interpreter(wanted: str) -> None:

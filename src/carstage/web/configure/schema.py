@@ -93,7 +93,8 @@ class SchemaService:
         )
 
         form = config_schema()
-        del form["properties"]["campaign"]  # edited as text; documents keep it
+        for key in ("campaign", "variants"):  # edited as text; documents keep them
+            del form["properties"][key]
         return SchemaMessage(
             config_schema=form,
             groups=[SchemaGroup(name=name, title=title) for name, title in _GROUPS],

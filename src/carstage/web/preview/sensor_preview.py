@@ -182,7 +182,7 @@ class SensorPreviewService:
             raise _of_sensor(error) from error
         if config.sensors[0].row.viewer == "none":
             raise WebError(422, "This sensor sees nothing.", "Choose a camera, LiDAR or radar.")
-        return config
+        return config.without_variants()
 
     def _plan(self, config: Config) -> EpisodeSpec:
         """The episode to look at, on a server that runs."""

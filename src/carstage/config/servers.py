@@ -23,8 +23,8 @@ def _self_test() -> Any:
     return setting(
         "auto",
         title="Self-test",
-        description="Check the server before the run, which takes some seconds. `require` refuses "
-        "one that fails. `auto` is `on`; the embedded simulator is then tested once on a machine.",
+        description="Check the server before the run. `require` refuses one that fails. `auto` "
+        "is `on`, but tests the embedded simulator once on a machine.",
         group="server",
     )
 

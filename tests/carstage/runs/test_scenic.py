@@ -29,6 +29,7 @@ pytestmark = [
 ]
 
 WARM_UP, FRAMES, STEP_S = 8, 12, 0.1
+EXAMPLES = Path(__file__).parents[3] / "examples"
 OWN_PROGRAM = Path(__file__).parents[2] / "support" / "scenic_own_program.py"
 PROGRAM = """
 param carla_map = 'Stage01'
@@ -191,6 +192,21 @@ def test_a_program_that_ends_early_leaves_everybody_standing(
     assert len(speed) == 30
     assert speed[:5].max() > 0.3
     assert speed[-1] < 0.05
+
+
+def test_the_example_is_recorded_and_its_leader_brakes(
+    simulator: RunningSimulator, tmp_path: Path
+) -> None:
+    config = configuration(
+        EXAMPLES / "braking_leader.scenic", scenario={"params": {"ego_speed": 10}}, duration_s=8.0
+    )
+    episode = run(simulator, tmp_path / "out", config)
+    ego = int(episode.document["ego_id"])
+    leader = [row for row in episode.objects().to_pylist() if row["role_name"] != "hero"]
+    leader = [row for row in leader if row["class"] == "car" and row["track_id"] != ego]
+    speed = np.array([np.linalg.norm(row["velocity"]) for row in leader])
+    assert speed.max() > 3.0
+    assert speed[-1] < 0.5 * speed.max()
 
 
 def test_what_the_program_raises_is_told_with_its_place(

@@ -39,15 +39,19 @@ _RUNNER_HINT = (
 
 
 def read_program(
-    scenario: ScenicScenario | OpenScenarioScenario,
+    scenario: ScenicScenario | OpenScenarioScenario, folder: Path | None = None
 ) -> ScenarioProgram | Storyboard:
     """The program that a scenario names; of OpenSCENARIO without scenario_runner what it says.
+
+    Args:
+        scenario: of the configuration.
+        folder: what a relative path is relative to; None: the working directory.
 
     Raises:
         ConfigError: it cannot be read, names no map, or the interpreter lacks what plays it; with
             the path of the setting.
     """
-    path = without_tilde(scenario.file)
+    path = (folder or Path()) / without_tilde(scenario.file)
     try:
         content = read_bounded(path, LARGEST_BYTES)
     except OSError as error:

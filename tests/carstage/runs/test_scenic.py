@@ -194,19 +194,22 @@ def test_a_program_that_ends_early_leaves_everybody_standing(
     assert speed[-1] < 0.05
 
 
-def test_the_example_is_recorded_and_its_leader_brakes(
+def test_in_the_example_the_ego_stops_behind_a_car_that_brakes(
     simulator: RunningSimulator, tmp_path: Path
 ) -> None:
     config = configuration(
-        EXAMPLES / "braking_leader.scenic", scenario={"params": {"ego_speed": 10}}, duration_s=8.0
+        EXAMPLES / "braking_leader.scenic", scenario={"params": {"ego_speed": 10}}, duration_s=12.0
     )
-    episode = run(simulator, tmp_path / "out", config)
-    ego = int(episode.document["ego_id"])
-    leader = [row for row in episode.objects().to_pylist() if row["role_name"] != "hero"]
-    leader = [row for row in leader if row["class"] == "car" and row["track_id"] != ego]
-    speed = np.array([np.linalg.norm(row["velocity"]) for row in leader])
-    assert speed.max() > 3.0
-    assert speed[-1] < 0.5 * speed.max()
+    rows = run(simulator, tmp_path / "out", config).objects().to_pylist()
+    actors = [row for row in rows if row["class"] == "car" and not row["is_static"]]
+    ego, leader = ([row for row in actors if row["is_ego"] is is_ego] for is_ego in (True, False))
+    for one in (ego, leader):
+        speed = np.array([np.linalg.norm(row["velocity"]) for row in one])
+        assert speed.max() > 4.0
+        assert speed[-1] < 0.05
+    lengths_m = ego[0]["box_extent"][0] + leader[0]["box_extent"][0]
+    assert lengths_m < leader[-1]["distance_ego"] < 15.0
+    assert max(row["distance_ego"] for row in leader) > 25.0
 
 
 def test_what_the_program_raises_is_told_with_its_place(

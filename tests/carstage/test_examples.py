@@ -19,8 +19,9 @@ import carstage
 from carstage.config import load_config
 from carstage.dataset import Dataset
 from carstage.runs.preflight import judge
-from carstage.spec import EVENT_SPECS, ClassDriverSpec
+from carstage.spec import EVENT_SPECS, ClassDriverSpec, ScenicSpec, StoryboardSpec
 from recorded_dataset import FRAMES
+from scenic_python import scenic_python
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PATIENCE_S = 240.0
@@ -31,8 +32,6 @@ pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("recorded")]
 def run(name: str, *arguments: object, home: Path | None = None) -> str:
     """Run an example in a process of its own; what it prints."""
     environment = dict(os.environ)
-    if name == "open_in_nuscenes.py":
-        del environment["PYTHONPATH"]  # which hides pandas, and the devkit needs it
     if home is not None:
         environment.setdefault("XDG_CACHE_HOME", str(Path.home() / ".cache"))
         environment["HOME"] = str(home)
@@ -174,6 +173,25 @@ def test_an_example_has_each_drive_under_four_skies_and_by_a_fisheye() -> None:
     assert "variants.yaml" in (EXAMPLES / "README.md").read_text("utf-8")
 
 
+def test_an_example_names_an_openscenario_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    # It is recorded in tests/carstage/runs/test_storyboard.py.
+    monkeypatch.chdir(EXAMPLES.parent)
+    (spec,) = judge(load_config(EXAMPLES / "openscenario.yaml"))
+    assert isinstance(spec.scenario, StoryboardSpec)
+    assert [one.name for one in spec.scenario.entities] == ["hero", "overtaker", "pedestrian"]
+    assert "openscenario.yaml" in (EXAMPLES / "README.md").read_text("utf-8")
+
+
+def test_an_example_names_a_scenic_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    # It is recorded in tests/carstage/runs/test_scenic.py.
+    monkeypatch.chdir(EXAMPLES.parent)
+    settings = [f"scenario.python={scenic_python()}"]
+    plan = judge(load_config(EXAMPLES / "scenic.yaml", settings))
+    assert len(plan) == 3
+    assert all(isinstance(spec.scenario, ScenicSpec) for spec in plan)
+    assert "scenic.yaml" in (EXAMPLES / "README.md").read_text("utf-8")
+
+
 AGENTS = """
 class Planner:
     def trace_route(self, start, end):
@@ -225,7 +243,9 @@ def test_every_example_configuration_is_tested() -> None:
         "fleet.yaml",
         "lidar_products.yaml",
         "night_crowds.yaml",
+        "openscenario.yaml",
         "own_driver.yaml",
+        "scenic.yaml",
         "sweep_lidar.yaml",
         "variants.yaml",
     ]

@@ -263,7 +263,7 @@ class LogScenario(Section):
 
 
 class OpenScenarioScenario(Section):
-    """scenario_runner plays an OpenSCENARIO file; map and traffic are taken from there.
+    """An OpenSCENARIO file says who does what; map and traffic are taken from there.
 
     Sensors, weather, labels and conversion are this configuration's own.
     """
@@ -277,9 +277,11 @@ class OpenScenarioScenario(Section):
         group="ego",
         min_length=1,
     )
-    scenario_runner: str = setting(
+    scenario_runner: str | None = setting(
+        None,
         title="scenario_runner",
-        description="Folder of CARLA's scenario_runner, with `scenario_runner.py`.",
+        description="Folder of CARLA's scenario_runner, which plays the file; left out: Car-STAGE "
+        "plays it, as far as it knows OpenSCENARIO.",
         group="ego",
         min_length=1,
     )

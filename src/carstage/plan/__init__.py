@@ -10,7 +10,7 @@ from carstage.plan.estimate import RunEstimate, estimate_run, estimate_tick_s
 from carstage.plan.facts import ServerFacts
 from carstage.plan.planning import PlanMatcher, plan_episodes
 from carstage.plan.sampling import Sampling
-from carstage.plan.scenario import Recording, ScenarioProgram, Start, Track
+from carstage.plan.scenario import Recording, ScenarioProgram, Start, Storyboard, Track
 from carstage.plan.sharding import Shard
 from carstage.plan.sources import Source
 
@@ -26,6 +26,7 @@ __all__ = [
     "Shard",
     "Source",
     "Start",
+    "Storyboard",
     "Track",
     "estimate_run",
     "estimate_tick_s",

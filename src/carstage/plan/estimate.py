@@ -19,7 +19,7 @@ from carstage.plan.episodes import EpisodePlan
 from carstage.plan.rig import geometry
 from carstage.sensor_kinds import sensor_kind
 from carstage.sensor_kinds.model import VOXELS
-from carstage.spec import EpisodeSpec, ReplaySpec, SensorSpec
+from carstage.spec import EpisodeSpec, ReplaySpec, SensorSpec, StoryboardSpec
 
 COST = np.dtype(
     [
@@ -126,6 +126,8 @@ def road_users(spec: EpisodeSpec) -> int:
     """Vehicles, pedestrians, the ego and the agents beside it."""
     if isinstance(spec.scenario, ReplaySpec):
         return len(spec.scenario.actors)
+    if isinstance(spec.scenario, StoryboardSpec):
+        return len(spec.scenario.entities)
     agents = sum(agent.vehicle is not None for agent in spec.agents)
     return spec.vehicles.total + spec.pedestrians.count + 1 + agents
 

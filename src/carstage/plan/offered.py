@@ -14,7 +14,7 @@ from carstage.config.fields import path_text, unknown
 from carstage.config.traffic import Pedestrians, VehicleGroup, Vehicles
 from carstage.errors import ConfigError
 from carstage.plan.facts import ServerFacts
-from carstage.plan.scenario import Recording
+from carstage.plan.scenario import Recording, Storyboard
 from carstage.plan.sources import Source
 from carstage.sensor_kinds import sensor_kind
 
@@ -56,6 +56,11 @@ def _check_blueprints(config: Config, facts: ServerFacts, recording: Source | No
                     f"{recording.field}: this server has no {track.blueprint}, which was recorded.",
                     "Use a server like the one that it was recorded with.",
                 )
+    if isinstance(recording, Storyboard):
+        for entity in recording.spec.entities:
+            if entity.blueprint not in known:
+                message, hint = unknown("blueprint", entity.blueprint, known)
+                raise ConfigError(f"{recording.field}: {entity.name}: {message}", hint)
     walkers = [name for name in known if name.startswith("walker.")]
     _check_labels(config, known)
     for position, group in enumerate(config.vehicles.groups):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from carstage.config import Config
+from carstage.config.drivers import AutopilotDriver
 from carstage.config.events import Event
 from carstage.config.scene import (
     LogScenario,
@@ -33,6 +34,7 @@ from carstage.spec import (
     ScenarioSpec,
     ScenicSpec,
     StationarySpec,
+    StoryboardSpec,
 )
 
 #: Recorded poses are kept to a tenth of a millimetre and of a thousandth of a degree.
@@ -114,8 +116,25 @@ class ScenarioProgram:
     field: str
 
 
+@dataclass(frozen=True, slots=True)
+class Storyboard:
+    """An OpenSCENARIO file that Car-STAGE plays itself.
+
+    Attributes:
+        spec: what was read from it.
+        map: the map that it plays in.
+        field: path of the setting that names it.
+    """
+
+    spec: StoryboardSpec
+    map: str
+    field: str = "scenario.file"
+
+
 def plan_scenario(
-    config: Config, spawn_points: int | None, recording: Recording | ScenarioProgram | None
+    config: Config,
+    spawn_points: int | None,
+    recording: Recording | ScenarioProgram | Storyboard | None,
 ) -> ScenarioSpec:
     """``scenario`` of the specification.
 
@@ -144,12 +163,25 @@ def plan_scenario(
             recording.text_hash, recording.version, dict(scenario.params), scenario.mode_2d
         )
     if isinstance(scenario, OpenScenarioScenario):
+        if isinstance(recording, Storyboard):
+            return _storyboard(config, recording)
         if not isinstance(recording, ScenarioProgram):
             raise ConfigError("scenario: the file was not read.", "Name it.")
         return OpenScenarioSpec(recording.text_hash, recording.version, dict(scenario.params))
     if isinstance(scenario, StationaryScenario):
         return StationarySpec()
     return AutopilotSpec(_events(scenario.events))
+
+
+def _storyboard(config: Config, recording: Storyboard) -> StoryboardSpec:
+    ego = recording.spec.entities[0].name
+    groups = (group for act in recording.spec.acts for group in act.groups)
+    if not isinstance(config.ego.driver, AutopilotDriver) and any(ego in g.actors for g in groups):
+        raise ConfigError(
+            f"ego.driver: the file that scenario.file names moves {ego!r} itself.",
+            "Leave the driver out, or take the ego out of the file's Actors.",
+        )
+    return recording.spec
 
 
 def _events(events: Sequence[Event]) -> tuple[EventSpec, ...] | None:

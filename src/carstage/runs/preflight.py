@@ -247,7 +247,7 @@ def recording_of(config: Config, folder: Path | None = None) -> Source | None:
 
     Args:
         config: the configuration.
-        folder: what the path of a log is relative to; None: the working directory.
+        folder: what the path of a log or program is relative to; None: the working directory.
 
     Raises:
         ConfigError: there is no such episode or log.
@@ -257,7 +257,7 @@ def recording_of(config: Config, folder: Path | None = None) -> Source | None:
 
         return read_drive(config.ego.driver.episode)
     if isinstance(config.scenario, ScenicScenario | OpenScenarioScenario):
-        return read_program(config.scenario)
+        return read_program(config.scenario, folder)
     if isinstance(config.scenario, LogScenario):
         from carstage.dataset.recorder_log import read_log
 

@@ -12,14 +12,13 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from lxml import etree
-
 from carstage.cache import cache_folder
-from carstage.config.scene import OpenScenarioScenario, ScenicScenario, map_name
+from carstage.config.scene import OpenScenarioScenario, ScenicScenario
 from carstage.errors import ConfigError
 from carstage.files.bounded import read_bounded
 from carstage.files.home import without_tilde
-from carstage.plan import ScenarioProgram
+from carstage.open_scenario import read_storyboard, town_of
+from carstage.plan import ScenarioProgram, Storyboard
 from carstage.server.interpreters import AUTO
 
 LARGEST_BYTES = 1 << 20
@@ -39,14 +38,20 @@ _RUNNER_HINT = (
 )
 
 
-def read_program(scenario: ScenicScenario | OpenScenarioScenario) -> ScenarioProgram:
-    """The program that a scenario names.
+def read_program(
+    scenario: ScenicScenario | OpenScenarioScenario, folder: Path | None = None
+) -> ScenarioProgram | Storyboard:
+    """The program that a scenario names; of OpenSCENARIO without scenario_runner what it says.
+
+    Args:
+        scenario: of the configuration.
+        folder: what a relative path is relative to; None: the working directory.
 
     Raises:
         ConfigError: it cannot be read, names no map, or the interpreter lacks what plays it; with
             the path of the setting.
     """
-    path = without_tilde(scenario.file)
+    path = (folder or Path()) / without_tilde(scenario.file)
     try:
         content = read_bounded(path, LARGEST_BYTES)
     except OSError as error:
@@ -54,7 +59,10 @@ def read_program(scenario: ScenicScenario | OpenScenarioScenario) -> ScenarioPro
         raise ConfigError(message, "Name a file.") from error
     digest = f"sha256:{hashlib.sha256(content).hexdigest()}"  # which the collector can make, too
     if isinstance(scenario, OpenScenarioScenario):
-        file_town, root = _town_of(content, path), _runner_folder(scenario)
+        if scenario.scenario_runner is None:
+            file_town, storyboard = read_storyboard(content, scenario.params)
+            return Storyboard(storyboard, file_town)
+        file_town, root = town_of(content), _runner_folder(scenario.scenario_runner)
         _answer(scenario.python, _ASK_RUNNER, _RUNNER_HINT)
         return ScenarioProgram(digest, _hash_of_modules(root), file_town, "scenario.file")
     town = scenario.map or _named_map(content.decode("utf-8", errors="replace"))
@@ -76,7 +84,7 @@ def program_plan(scenario: ScenicScenario | OpenScenarioScenario) -> dict[str, A
         "python": _interpreter(scenario.python),
         "maps": str(cache_folder() / "scenic"),
     }
-    if isinstance(scenario, OpenScenarioScenario):
+    if isinstance(scenario, OpenScenarioScenario) and scenario.scenario_runner is not None:
         plan["scenario_runner"] = str(without_tilde(scenario.scenario_runner).absolute())
     return plan
 
@@ -90,26 +98,8 @@ def _named_map(text: str) -> str | None:
     return None if file is None else file[2].rsplit("/", 1)[-1]
 
 
-def _town_of(content: bytes, path: Path) -> str:
-    """The map of an OpenSCENARIO file: ``RoadNetwork/LogicFile``."""
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
-    try:
-        root = etree.fromstring(content, parser)
-    except etree.XMLSyntaxError as error:
-        message = f"scenario.file: {path} is no XML: {error.msg}."
-        raise ConfigError(message, "Name an OpenSCENARIO 1.x file.") from error
-    file = root.find("RoadNetwork/LogicFile") if root.tag == "OpenSCENARIO" else None
-    town = "" if file is None else map_name(str(file.get("filepath", "")))
-    if not re.fullmatch(r"[\w-]+", town):
-        raise ConfigError(
-            f"scenario.file: {path} names no map by RoadNetwork/LogicFile.",
-            "Name an OpenSCENARIO 1.x file with a town, as CARLA's examples have it.",
-        )
-    return town
-
-
-def _runner_folder(scenario: OpenScenarioScenario) -> Path:
-    folder = without_tilde(scenario.scenario_runner)
+def _runner_folder(given: str) -> Path:
+    folder = without_tilde(given)
     if not (folder / "scenario_runner.py").is_file() or not (folder / "srunner").is_dir():
         raise ConfigError(
             f"scenario.scenario_runner: {folder} does not hold scenario_runner.py and srunner.",

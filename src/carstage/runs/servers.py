@@ -161,7 +161,8 @@ class ServerSetup:
     def program(self) -> dict[str, Any]:
         """What the collector's plan says of a scenario's program; nothing where there is none."""
         scenario = self._config.scenario
-        if isinstance(scenario, ScenicScenario | OpenScenarioScenario):
+        plays_itself = isinstance(scenario, OpenScenarioScenario) and not scenario.scenario_runner
+        if isinstance(scenario, ScenicScenario | OpenScenarioScenario) and not plays_itself:
             return {"program": program_plan(scenario)}
         return {}
 

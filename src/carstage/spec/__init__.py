@@ -41,6 +41,7 @@ from carstage.spec.scenario import (
     ScenarioSpec,
     ScenicSpec,
     StationarySpec,
+    StoryboardSpec,
 )
 from carstage.spec.scene import EgoSpec, Place, Stand, WeatherChange, WeatherSpec
 from carstage.spec.sensors import (
@@ -103,6 +104,7 @@ __all__ = [
     "SpecError",
     "Stand",
     "StationarySpec",
+    "StoryboardSpec",
     "TimingSpec",
     "TrafficSpec",
     "VariantSpec",

@@ -10,6 +10,7 @@ from carstage.spec.events import EventSpec, read_events
 from carstage.spec.fields import Fields, SpecError, is_number, shown
 from carstage.spec.plain import LEFT_OUT, plain
 from carstage.spec.scene import Place
+from carstage.spec.storyboard import StoryAct, StoryEntity, Trigger, read_trigger
 
 Pose = Tuple[float, ...]
 """x, y, z (m), pitch, yaw, roll (deg) in CARLA's world axes."""
@@ -199,6 +200,26 @@ class OpenScenarioSpec(ScenarioSpec):
 
 
 @dataclass(frozen=True)
+class StoryboardSpec(ScenarioSpec):
+    """Car-STAGE itself plays an OpenSCENARIO file; the ego is the first of ``entities``."""
+
+    kind = json_kind = "storyboard"
+    entities: Tuple[StoryEntity, ...]
+    acts: Tuple[StoryAct, ...]
+    stop: Trigger
+
+    @classmethod
+    def read(cls, fields: Fields, steps: int) -> StoryboardSpec:
+        """Check and read the section."""
+        del steps
+        entities = tuple(map(StoryEntity.read, fields.objects("entities")))
+        if not entities:
+            raise SpecError("%s: is empty." % fields.path("entities"))
+        acts = tuple(map(StoryAct.read, fields.objects("acts")))
+        return cls(entities, acts, read_trigger(fields, "stop"))
+
+
+@dataclass(frozen=True)
 class RecordedSpec(ScenarioSpec):
     """Another program made the ticks and moved everybody; this was recorded beside it.
 
@@ -284,6 +305,7 @@ _KINDS: Tuple[Type[ScenarioSpec], ...] = (
     ReplaySpec,
     ScenicSpec,
     OpenScenarioSpec,
+    StoryboardSpec,
     RecordedSpec,
 )
 

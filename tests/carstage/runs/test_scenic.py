@@ -29,6 +29,7 @@ pytestmark = [
 ]
 
 WARM_UP, FRAMES, STEP_S = 8, 12, 0.1
+EXAMPLES = Path(__file__).parents[3] / "examples"
 OWN_PROGRAM = Path(__file__).parents[2] / "support" / "scenic_own_program.py"
 PROGRAM = """
 param carla_map = 'Stage01'
@@ -191,6 +192,24 @@ def test_a_program_that_ends_early_leaves_everybody_standing(
     assert len(speed) == 30
     assert speed[:5].max() > 0.3
     assert speed[-1] < 0.05
+
+
+def test_in_the_example_the_ego_stops_behind_a_car_that_brakes(
+    simulator: RunningSimulator, tmp_path: Path
+) -> None:
+    config = configuration(
+        EXAMPLES / "braking_leader.scenic", scenario={"params": {"ego_speed": 10}}, duration_s=12.0
+    )
+    rows = run(simulator, tmp_path / "out", config).objects().to_pylist()
+    actors = [row for row in rows if row["class"] == "car" and not row["is_static"]]
+    ego, leader = ([row for row in actors if row["is_ego"] is is_ego] for is_ego in (True, False))
+    for one in (ego, leader):
+        speed = np.array([np.linalg.norm(row["velocity"]) for row in one])
+        assert speed.max() > 4.0
+        assert speed[-1] < 0.05
+    lengths_m = ego[0]["box_extent"][0] + leader[0]["box_extent"][0]
+    assert lengths_m < leader[-1]["distance_ego"] < 15.0
+    assert max(row["distance_ego"] for row in leader) > 25.0
 
 
 def test_what_the_program_raises_is_told_with_its_place(

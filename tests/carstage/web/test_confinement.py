@@ -74,9 +74,12 @@ def test_recordings_outside_the_roots_are_not_replayed(site: Site, demo: dict[st
         assert "outside" in check["errors"][0]["message"]
 
 
+@pytest.mark.parametrize("kind", ["log", "openscenario"])
 @pytest.mark.parametrize("file", ["/etc/hostname", "../drive.log", "~/drive.log"])
-def test_logs_outside_the_roots_are_not_read(site: Site, demo: dict[str, Any], file: str) -> None:
-    config = {**demo, "scenario": {"kind": "log", "file": file}}
+def test_files_of_scenarios_outside_the_roots_are_not_read(
+    site: Site, demo: dict[str, Any], kind: str, file: str
+) -> None:
+    config = {**demo, "scenario": {"kind": kind, "file": file}}
     check = site.client.post("/api/config/check", json={"config": config}).json()
     assert [error["path"] for error in check["errors"]] == [["scenario", "file"]]
     assert "outside" in check["errors"][0]["message"]

@@ -3,7 +3,16 @@
 ``base`` holds the seam, ``traffic`` the Traffic Manager's settings, ``routing`` the way by road.
 """
 
-from carstage.collector.scenario import autopilot, program, replay
+from carstage.collector.scenario import autopilot, program, replay, storyboard
 from carstage.collector.scenario.base import Population, Scenario, make_scenario, scenario
 
-__all__ = ["Population", "Scenario", "autopilot", "make_scenario", "program", "replay", "scenario"]
+__all__ = [
+    "Population",
+    "Scenario",
+    "autopilot",
+    "make_scenario",
+    "program",
+    "replay",
+    "scenario",
+    "storyboard",
+]

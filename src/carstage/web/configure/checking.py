@@ -146,7 +146,10 @@ class ConfigChecker:
                 message = "a class of yours runs its code, which the page does not."
                 hint = "Start this run with `carstage run`."
                 raise error_of([((*where, "name"), message, hint)])
-        if isinstance(config.scenario, ScenicScenario | OpenScenarioScenario):
+        scenario = config.scenario
+        if isinstance(scenario, OpenScenarioScenario) and scenario.scenario_runner is None:
+            places.append((("scenario", "file"), scenario.file))
+        elif isinstance(scenario, ScenicScenario | OpenScenarioScenario):
             message = "a program of yours would play it, which the page does not start."
             hint = "Start this run with `carstage run`."
             raise error_of([(("scenario", "file"), message, hint)])

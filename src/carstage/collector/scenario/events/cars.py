@@ -126,6 +126,11 @@ class DrivenCar:
         self._put(line.pose(along_m, right_m))
 
     @property
+    def pose(self) -> Pose:
+        """Where the last step put it."""
+        return self._before
+
+    @property
     def half_m(self) -> float:
         """Half its length."""
         return float(self.actor.bounding_box.extent.x)

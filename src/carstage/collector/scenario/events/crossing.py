@@ -8,6 +8,7 @@ from typing import Any, Optional
 import carla
 
 from carstage.collector.scenario.events.base import Event, event
+from carstage.collector.scenario.events.lanes import MOST_LANES, lane_beside
 from carstage.collector.scenario.events.leader import ROOM_M
 from carstage.collector.scenario.events.surroundings import LANE_HALF_M
 
@@ -22,7 +23,6 @@ BEFORE_CAR_M = 1.0
 WALKER_Z_M = 1.0
 LEAST_M_S = 2.0
 """An ego that is slower waits for something else."""
-MOST_LANES = 12
 STUCK_S = 1.5
 STUCK_M = 0.3
 """Who has not come that far in that time stands before something."""
@@ -155,17 +155,10 @@ def _other(side: str) -> str:
 def _edge_m(place: Any, side: str) -> float:
     """From the middle of a lane to where the road ends on a side: its sidewalk begins there."""
     edge_m = 0.5 * place.lane_width
-    lane = _lane_beside(place, side, place)
+    lane = lane_beside(place, side, place)
     for _ in range(MOST_LANES):
         if lane is None or lane.lane_type == carla.LaneType.Sidewalk:
             break
         edge_m += lane.lane_width
-        lane = _lane_beside(lane, side, place)
+        lane = lane_beside(lane, side, place)
     return float(edge_m)
-
-
-def _lane_beside(lane: Any, side: str, place: Any) -> Any:
-    """The lane beside; the side is that of ``place``, whose direction the lane may not have."""
-    turned = lane.lane_id * place.lane_id < 0
-    to_the_right = (side == "right") != turned
-    return lane.get_right_lane() if to_the_right else lane.get_left_lane()

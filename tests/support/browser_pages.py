@@ -152,14 +152,14 @@ def picture(page: Page, name: str, gui: Gui) -> None:
     page.screenshot(path=Path(PICTURES) / f"{name}.png")
 
 
-def wait_until(page: Page, condition: str) -> None:
-    """Until an expression of JavaScript is true.
+def wait_until(page: Page, condition: str, where: object = "") -> None:
+    """Until an expression of JavaScript is true; ``where`` is said if it never is.
 
     ``Page.wait_for_function`` would evaluate it inside the page, whose policy forbids that.
     """
     deadline = time.monotonic() + PATIENCE_MS / 1000
     while not page.evaluate(condition):
-        assert time.monotonic() < deadline, f"not within {PATIENCE_MS} ms: {condition}"
+        assert time.monotonic() < deadline, f"not within {PATIENCE_MS} ms: {condition} {where}"
         page.wait_for_timeout(50)
 
 

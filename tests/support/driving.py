@@ -33,8 +33,8 @@ rig: {preset: demo}
 """
 """Without the self-test, which takes as long as the rest of such a run; see ``TESTED``."""
 
-TESTED = ["--set", "server.self_test=auto"]
-"""For the runs that are to be as users have them."""
+TESTED = ["--set", "server.self_test=on"]
+"""For the runs that are to be as a user's first one."""
 
 
 @dataclass(frozen=True)

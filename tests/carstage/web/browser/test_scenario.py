@@ -129,13 +129,13 @@ def test_a_route_is_pressed_put_in_order_and_cleared(town: Page) -> None:
 def test_spawn_points_are_reached_by_keys_alone(town: Page) -> None:
     page = town
     page.get_by_role("application").focus()
-    page.keyboard.press("ArrowRight")
+    page.keyboard.press("ArrowLeft")
     cursor = page.locator("[data-cursor]")
     first = int(cursor.get_attribute("data-cursor") or -1)
-    page.keyboard.press("ArrowRight")
+    page.keyboard.press("ArrowLeft")
     second = int(cursor.get_attribute("data-cursor") or -1)
     points = spawn_points(page)
-    assert points[second][0] > points[first][0], "further to the right"
+    assert points[second][0] < points[first][0], "further to the left"
     expect(page.get_by_role("status").filter(has_text=f"Spawn point {second}")).to_be_visible()
     page.keyboard.press("Enter")
     assert saved_config(page)["ego"]["spawn"] == second

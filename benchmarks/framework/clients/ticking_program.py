@@ -1,8 +1,7 @@
 """A program that ticks a server and knows nothing of recorders: ``HOST PORT TICKS [LIVES]``.
 
 It makes its ego anew for each life. It ticks until somebody has attached a sensor, and while the
-streams of the sensors come up; then so many times as fast as it can, and prints a JSON line with how
-fast that was.
+streams of the sensors come up; then so many times as fast as it can. A JSON line tells how fast.
 """
 
 from __future__ import annotations
@@ -12,7 +11,6 @@ import sys
 import time
 
 import carla
-
 
 _STREAMS_S = 2.0
 """From the first sensor until every one is listened to, on a busy machine."""

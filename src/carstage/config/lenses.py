@@ -115,7 +115,7 @@ class PinholeLens(_Focal):
 class BrownConradyLens(_Focal):
     """A pinhole with radial and tangential distortion, OpenCV's and ROS's `plumb_bob`."""
 
-    coefficients: ClassVar = ("k1", "k2", "p1", "p2", "k3")
+    coefficients: ClassVar[tuple[str, ...]] = ("k1", "k2", "p1", "p2", "k3")
 
     model: Literal["brown_conrady"] = _model("Radial and tangential distortion.")
     k1: float = _coefficient("k1", "Radial, of the squared radius.")
@@ -128,7 +128,7 @@ class BrownConradyLens(_Focal):
 class KannalaBrandtLens(_Focal):
     """A fisheye, OpenCV's `fisheye`, ROS's and Kalibr's `equidistant`."""
 
-    coefficients: ClassVar = ("k1", "k2", "k3", "k4")
+    coefficients: ClassVar[tuple[str, ...]] = ("k1", "k2", "k3", "k4")
 
     model: Literal["kannala_brandt"] = _model("Fisheye.")
     k1: float = _coefficient("k1", _coefficient_of(3))

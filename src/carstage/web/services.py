@@ -35,6 +35,9 @@ from carstage.web.runs.launches import Launches
 from carstage.web.runs.service import RunService
 from carstage.web.settings import WebSettings
 
+_WARMING_S = 5.0
+"""How long the end waits for what was loaded early."""
+
 
 class Services:
     """The composition root of the server.
@@ -83,9 +86,10 @@ class Services:
         services = cls(settings)
         looking = asyncio.create_task(services.live.look_on())
         closing = threading.Event()
-        threading.Thread(
+        warming = threading.Thread(
             target=services.warm_up, args=(closing,), name="warm-up", daemon=True
-        ).start()
+        )
+        warming.start()
         try:
             yield services
         finally:
@@ -96,6 +100,8 @@ class Services:
             await services.live.close()
             await asyncio.to_thread(services.sensor_preview.close)
             await asyncio.to_thread(services.previews.close)
+            # A thread that is within a library when the interpreter ends aborts the process.
+            await asyncio.to_thread(warming.join, _WARMING_S)
 
     def warm_up(self, closing: threading.Event) -> None:
         """Do early what the first request for it would have to wait for."""

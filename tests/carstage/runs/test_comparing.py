@@ -74,8 +74,8 @@ def test_only_settings_that_differ_are_named_with_their_values() -> None:
     assert differing_settings([usual, usual]) == []
     found = {one.path: one.values for one in differing_settings([usual, other])}
     assert found == {
-        "vehicles.count": (20, 3),
-        "ego.spawn": ("random", 5),
+        "vehicles.count": (usual["vehicles"]["count"], 3),
+        "ego.spawn": (usual["ego"]["spawn"], 5),
         "rig.sensors[CAM_LEFT].attributes.fov_deg": (90.0, 60.0),
     }
 

@@ -70,26 +70,20 @@ class PictureMaker:
         self._scratch = OfEachThread(new_shade_scratch)
         self.sky = SkyModel()
 
-    def warm_up_shading(self, store: SceneStore) -> None:
-        """Compile, or load, the kernel of shading, which takes as long as all others together."""
-        rays = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]], np.float32)
-        hits, packets = unwritten_hits(np.zeros(3), rays), picture_packets(2, 1)
-        hits.t.fill(np.inf)
-        hits.row.fill(NOTHING)
-        hits.triangle.fill(-1)
-        hits.weights.fill(0.0)
+    def warm_up_rays(self, store: SceneStore) -> None:
+        """Compile, or load, what shades and casts rays: half of all kernels' compilation."""
+        frame, (hits, packets) = store.frame([]), _nothing_met()
         light, colours = self.sky.lighting(Weather(), 0.0), np.empty((2, 3), np.float32)
-        self._shade(store.frame([]), hits, packets, -1, 1e-3, light, colours)
+        self._shade(frame, hits, packets, -1, 1e-3, light, colours)
+        origin, rays = hits.origin.astype(np.float64), hits.directions
+        self._caster.cast(frame.scene, origin, rays, low=0.1, high=1000.0)
+        self._caster.cast_together(frame.scene, origin, rays, packets, low=0.1, high=1000.0)
 
     def warm_up(self, store: SceneStore) -> None:
-        """Compile, or load, all other kernels of pictures: of building, casting, developing."""
+        """Compile, or load, all other kernels of pictures: of building, sampling, developing."""
         boxes = np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32)
         refitted_tree(build_tree(*boxes, 1), *boxes)
-        frame = store.frame([])
-        rays = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]], np.float32)
-        hits = self._caster.cast(frame.scene, np.zeros(3), rays, low=0.1, high=1000.0)
-        packets = picture_packets(2, 1)
-        self._caster.cast_together(frame.scene, np.zeros(3), rays, packets, low=0.1, high=1000.0)
+        frame, (hits, packets) = store.frame([]), _nothing_met()
         colours = np.zeros((2, 3), np.float32)
         lent(self._caster, hits, (2, 1), colours, packets.order, hits, packets, colours.copy())
         smooth_normals(self._caster, frame, hits)
@@ -201,6 +195,17 @@ class PictureMaker:
             develop_means(codes, colours, again, edges, first, last, flat)
 
         self._caster.in_bands(len(edges), work)
+
+
+def _nothing_met() -> tuple[Hits, Packets]:
+    """Two rays of a picture that met nothing."""
+    rays = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]], np.float32)
+    hits = unwritten_hits(np.zeros(3), rays)
+    hits.t.fill(np.inf)
+    hits.row.fill(NOTHING)
+    hits.triangle.fill(-1)
+    hits.weights.fill(0.0)
+    return hits, picture_packets(2, 1)
 
 
 def _draw(shapes: DebugShapes, picture: Picture, codes: NDArray[np.uint8]) -> None:

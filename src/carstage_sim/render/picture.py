@@ -71,13 +71,13 @@ class PictureMaker:
         self.sky = SkyModel()
 
     def warm_up_rays(self, store: SceneStore) -> None:
-        """Compile, or load, what shades and casts rays: half of all kernels' compilation."""
+        """Compile, or load, what casts and shades rays: half of all kernels' compilation."""
         frame, (hits, packets) = store.frame([]), _nothing_met()
         light, colours = self.sky.lighting(Weather(), 0.0), np.empty((2, 3), np.float32)
-        self._shade(frame, hits, packets, -1, 1e-3, light, colours)
         origin, rays = hits.origin.astype(np.float64), hits.directions
         self._caster.cast(frame.scene, origin, rays, low=0.1, high=1000.0)
         self._caster.cast_together(frame.scene, origin, rays, packets, low=0.1, high=1000.0)
+        self._shade(frame, hits, packets, -1, 1e-3, light, colours)
 
     def warm_up(self, store: SceneStore) -> None:
         """Compile, or load, all other kernels of pictures: of building, sampling, developing."""
@@ -85,7 +85,11 @@ class PictureMaker:
         refitted_tree(build_tree(*boxes, 1), *boxes)
         frame, (hits, packets) = store.frame([]), _nothing_met()
         colours = np.zeros((2, 3), np.float32)
-        lent(self._caster, hits, (2, 1), colours, packets.order, hits, packets, colours.copy())
+        middle = np.zeros((1, 2), np.float32)
+        lent(
+            self._caster, hits, (2, 1), colours, packets.order, middle, hits, packets,
+            colours.copy(),
+        )  # fmt: skip
         smooth_normals(self._caster, frame, hits)
         nowhere = (np.zeros(2), np.zeros(2))
         earlier_places(no_motion(0), hits, nowhere, (1.0, 1.0))
@@ -167,7 +171,7 @@ class PictureMaker:
             if not self._epic:
                 size = (picture.width, picture.height)
                 packets = lent(
-                    self._caster, picture.hits, size, colours, edges, hits, packets, again
+                    self._caster, picture.hits, size, colours, edges, places, hits, packets, again
                 )
             self._shade(frame, hits, packets, picture.skip_row, angle, light, again)
             self._develop_means(picture.film, colours, again, edges, pixels)

@@ -19,7 +19,7 @@ from numba.core.compiler_machinery import register_pass
 from numba.core.typed_passes import NativeLowering
 
 
-class _LinkedLibrary(JITCodeLibrary):  # type: ignore[misc]
+class _LinkedLibrary(JITCodeLibrary):
     """Code that waits for the kernel that it is linked into."""
 
     def _optimize_final_module(self) -> None:
@@ -33,7 +33,7 @@ class _LinkedLibrary(JITCodeLibrary):  # type: ignore[misc]
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
-class _LinkedLowering(NativeLowering):  # type: ignore[misc]
+class _LinkedLowering(NativeLowering):
     """Makes a linked library of a function."""
 
     _name = "linked_lowering"
@@ -43,14 +43,15 @@ class _LinkedLowering(NativeLowering):  # type: ignore[misc]
         state.library.enable_object_caching()
         state.flags.no_compile = True
         super().run_pass(state)
-        # Numba knows functions by an object of their own, which has to be a built-in method.
-        key = object().__reduce__
+        # Numba knows functions by an object of their own, which has to be a built-in method, and
+        # which it calls when Python does: this one refuses what it is given.
+        key = dict[str, object]().update
         state.targetctx.insert_user_function(key, state.cr.fndesc, [state.library])
         state["cr"] = state.cr._replace(cfunc=key)
         return True
 
 
-class _LinkedCompiler(CompilerBase):  # type: ignore[misc]
+class _LinkedCompiler(CompilerBase):
     """Numba's own passes, but for the last step to machine code."""
 
     def define_pipelines(self) -> list[Any]:
@@ -72,7 +73,8 @@ def linked(function: Callable[..., Any], **options: Any) -> Callable[..., Any]:
         function: what kernels call.
         options: of ``numba.njit``.
     """
-    dispatcher: Any = numba.njit(
+    compile_lazily: Any = numba.njit
+    dispatcher = compile_lazily(
         pipeline_class=_LinkedCompiler, no_cpython_wrapper=True, no_cfunc_wrapper=True, **options
     )(function)
     template = dispatcher.get_call_template

@@ -182,7 +182,7 @@ class CameraProgram:
         place = Value("i", "i32")
         row, triangle = Array("hit_row", "i32", 1), Array("hit_triangle", "i32", 1)
         records: list[Bound] = [self.arenas.record("static"), self.arenas.record("actors")]
-        hits = [row, triangle, place, place]
+        hits: list[Bound] = [row, triangle, place, place]
         unlike, _ = translator.function(_unlike, [*records, *hits])
         detail = self.arenas.member("materials", "detail")
         even, _ = translator.function(_even_with, [*records, detail, *hits])

@@ -81,7 +81,7 @@ def _bake(arguments: Sequence[str]) -> int:
                 maps,
                 task.names,
                 lambda line: print(line, flush=True),
-                await_shading=compiled.wait,
+                await_rays=compiled.wait,
             )
     except (MapFileError, UnknownTownError) as error:
         print(f"carstage_sim: {error}", file=sys.stderr)

@@ -1,7 +1,8 @@
-"""Machine code of shading, compiled by a process of its own while the server makes its town.
+"""Machine code for rays, compiled by a process of its own while the server makes its town.
 
-Shading alone takes the compiler as long as all other kernels and a town together. On an empty cache
-the process begins with the server, on another core; the server then finds the code in the cache.
+To cast rays and to shade what they meet takes the compiler as long as all other kernels and a town
+together. On an empty cache the process begins with the server, on another core; the server then
+finds the code in the cache.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ logger = logging.getLogger(__name__)
 
 COMPILING_LOG = "carstage_sim.compiling"
 _RENDER = Path(__file__).parent / "render"
-_LAST_KERNEL = "share_shade_packets"
+_KERNELS = ("share_shade_packets", "share_cast_rays", "share_cast_packets")
 _LIMIT_S = 600.0
 
 
@@ -75,11 +76,11 @@ class PicturesCompiled:
 
 def _is_compiled() -> bool:
     folder = kernel_cache(kernel_package(_RENDER / "shading.py"))
-    return any(folder.glob(f"*/*.{_LAST_KERNEL}-*.nbi"))
+    return all(any(folder.glob(f"*/*.{name}-*.nbi")) for name in _KERNELS)
 
 
 def main() -> None:
-    """Compile the kernel of shading into the cache."""
+    """Compile the kernels into the cache."""
     threading.Thread(target=_end_with_server, daemon=True).start()
     do_without_scipy()
     from carstage_sim.render.caster import RayCaster
@@ -90,7 +91,7 @@ def main() -> None:
         raise KeyError(key)
 
     caster = RayCaster(1)
-    PictureMaker(caster).warm_up_shading(SceneStore(None, no_mesh, cache=None))
+    PictureMaker(caster).warm_up_rays(SceneStore(None, no_mesh, cache=None))
     caster.close()
 
 

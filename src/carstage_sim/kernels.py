@@ -28,7 +28,9 @@ from typing import Any
 import llvmlite.binding as llvm
 import numba
 
+from carstage_sim import linked_functions
 from carstage_sim.cache import cache_folder, mark_used
+from carstage_sim.linked_functions import linked
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
@@ -45,9 +47,10 @@ def kernel_package(source: Path) -> Path:
 
 @cache
 def kernel_cache_key(package: Path) -> str:
-    """Hash over the sources of a kernel package, this module, numba's version and the CPU."""
+    """Hash over the sources of a kernel package, of how it is compiled, numba's version and CPU."""
     digest = hashlib.sha256()
-    for source in (Path(__file__), *sorted(package.rglob("*.py"))):
+    how = (Path(__file__), Path(linked_functions.__file__))
+    for source in (*how, *sorted(package.rglob("*.py"))):
         digest.update(source.name.encode())
         digest.update(source.read_bytes())
     cpu = f"{llvm.get_host_cpu_name()} {llvm.get_host_cpu_features().flatten()}"
@@ -110,17 +113,8 @@ Without numba's run time they count no references: in code that touches a dozen 
 ray, the atomic counters would cost as much as the ray.
 """
 
-device: Decorator = partial(
-    numba.njit, _nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS
-)
-"""Decorator of functions that only kernels call; compiled into each kernel that uses them.
+device: Decorator = partial(linked, _nrt=False, **_OPTIONS)
+"""Decorator of functions that only kernels call; compiled into each kernel that uses them."""
 
-Without a wrapper for Python's calls, which for tuples of arrays takes longer to compile than the
-function.
-"""
-
-inlined: Decorator = partial(
-    numba.njit, _nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True,
-    **_OPTIONS,
-)  # fmt: skip
+inlined: Decorator = partial(linked, _nrt=False, forceinline=True, **_OPTIONS)
 """As ``device``, without a call: for functions that get whole records, which a call would copy."""

@@ -21,7 +21,7 @@ def prebake(
     names: Sequence[str],
     report: Callable[[str], None],
     clock: Callable[[], float] = time.monotonic,
-    await_shading: Callable[[], None] = lambda: None,
+    await_rays: Callable[[], None] = lambda: None,
 ) -> bool:
     """Bake maps, and what every map needs.
 
@@ -30,7 +30,7 @@ def prebake(
         names: which to bake; none means all that are offered.
         report: called with each line of progress.
         clock: seconds, for the forecast of the remaining time.
-        await_shading: as for ``WorldSensors.warm_up``.
+        await_rays: as for ``WorldSensors.warm_up``.
 
     Returns:
         Whether all succeeded; one that fails is reported and the others go on.
@@ -71,24 +71,24 @@ def prebake(
             )
         if not warm:
             report("machine code and the shapes of vehicles and walkers, once for all maps")
-        _finish(town, None if warm else await_shading)
+        _finish(town, None if warm else await_rays)
         warm = True
     return whole
 
 
-def _finish(town: Town, await_shading: Callable[[], None] | None) -> None:
+def _finish(town: Town, await_rays: Callable[[], None] | None) -> None:
     """Store what a server of this town computes apart from the town itself.
 
     Args:
         town: of the server.
-        await_shading: as for ``prebake``; None: what all towns have in common is there.
+        await_rays: as for ``prebake``; None: what all towns have in common is there.
     """
     with WorldSensors(town) as sensors:
-        if await_shading is not None:
+        if await_rays is not None:
             warm_up_mechanics(World(town, 1))
             for type_id in catalogue():
                 sensors.expect(type_id)
-            sensors.warm_up(await_shading)
+            sensors.warm_up(await_rays)
 
 
 class _Pace:

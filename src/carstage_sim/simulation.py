@@ -174,13 +174,13 @@ class Simulation:
             resources.callback(self.recordings.end_episode)
             resources.callback(self.bakes.close)
 
-    def warm_up(self, await_shading: Callable[[], None] = lambda: None) -> None:
+    def warm_up(self, await_rays: Callable[[], None] = lambda: None) -> None:
         """Compile and run every kernel once, so that no client waits for a compiler.
 
         Args:
-            await_shading: as for ``WorldSensors.warm_up``.
+            await_rays: as for ``WorldSensors.warm_up``.
         """
-        drawing = self._drawing.submit(lambda: self._sensors.warm_up(await_shading))
+        drawing = self._drawing.submit(lambda: self._sensors.warm_up(await_rays))
         warm_up_mechanics(self.world)
         drawing.result()
 

@@ -26,7 +26,7 @@ def no_mesh(key: str) -> object:
 @pytest.fixture(scope="module", autouse=True)
 def compiled_before() -> None:
     caster = RayCaster(1)
-    PictureMaker(caster).warm_up_shading(SceneStore(None, no_mesh, cache=None))  # type: ignore[arg-type]
+    PictureMaker(caster).warm_up_rays(SceneStore(None, no_mesh, cache=None))  # type: ignore[arg-type]
     caster.close()
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from carstage_sim.kernels import device
+from carstage_sim.kernels import device, inlined
 
 _ZERO: Any = np.float32(0)
 _ONE: Any = np.float32(1)
@@ -22,7 +22,7 @@ _PART: Any = np.float32(1 / 64)
 _MOST: Any = np.float32(60)
 
 
-@device
+@inlined
 def exp_down(x):  # type: ignore[no-untyped-def]
     """``exp(-x)`` for ``x >= 0``, to 2e-5."""
     y = min(x, _MOST) * _PART
@@ -37,7 +37,7 @@ def exp_down(x):  # type: ignore[no-untyped-def]
     return _ONE / p
 
 
-@device
+@inlined
 def exp_of(x):  # type: ignore[no-untyped-def]
     """``exp(x)`` for ``-60 <= x <= 60``, to 5e-5 of itself up to 10."""
     down = exp_down(abs(x))

@@ -1,19 +1,30 @@
-"""Which pixels one ray does not do justice to: edges of objects, of sides, and of contrast."""
+"""Which pixels one ray does not do justice to: edges of objects, of sides, and of contrast.
+
+Most are **rough**: more rays go through them. Where all around is like the pixel itself, one
+triangle or the leaves of a crown, more rays would meet what the pixels beside it show already: such
+an **even** pixel becomes the weighted mean of the nine.
+"""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.kernels import device, kernel
 from carstage_sim.render.caster import Hits, Packets, RayCaster, picture_packets
+from carstage_sim.render.quality import Sampling
 from carstage_sim.render.scene import Frame
 from carstage_sim.render.simd import PACKET
+from carstage_sim.render.surface import is_leaf
 
 _ROWS = 16
 """Rows of pixels per piece of work."""
 _BENT = np.float32(0.9)
 """Cosine between the normals of two neighbours below which they show different sides."""
+_ROUGH, EVEN = 1, 2
+"""Marks of pixels; 0 for those that one ray does justice to."""
 
 
 @device
@@ -62,8 +73,37 @@ def _mark(static, actors, row, triangle, codes, strong, weak, first, last, marke
                 if apart > strong or (
                     apart > weak and _unlike(static, actors, row, triangle, i, v * width + u)
                 ):
-                    marked[i] = True
-                    marked[v * width + u] = True
+                    marked[i] = _ROUGH
+                    marked[v * width + u] = _ROUGH
+
+
+@device
+def _even_with(static, actors, detail, row, triangle, i, j):  # type: ignore[no-untyped-def]
+    """Whether two hits are on one triangle, or both on leaves."""
+    if row[i] != row[j]:
+        return False
+    if triangle[i] == triangle[j]:
+        return triangle[i] >= 0
+    surfaces = static if row[i] < 0 else actors
+    a, b = surfaces.material[triangle[i]], surfaces.material[triangle[j]]
+    return is_leaf(detail[a]) and is_leaf(detail[b])
+
+
+@kernel
+def _find_even(static, actors, detail, row, triangle, width, height, first, last, marked):  # type: ignore[no-untyped-def]
+    """Mark those rough pixels of some rows that are like all eight around them."""
+    for y in range(max(first, 1), min(last, height - 1)):
+        for x in range(1, width - 1):
+            i = y * width + x
+            if not marked[i]:
+                continue
+            even = True
+            for v in range(y - 1, y + 2):
+                for u in range(x - 1, x + 2):
+                    j = v * width + u
+                    even = even and _even_with(static, actors, detail, row, triangle, i, j)
+            if even:
+                marked[i] = EVEN
 
 
 @kernel
@@ -73,7 +113,7 @@ def _gather(marked, order, starts, room, edges, begins):  # type: ignore[no-unty
     begins[0] = 0
     for square in range(starts.shape[0] - 1):
         for place in range(starts[square], starts[square + 1]):
-            if not marked[order[place]]:
+            if marked[order[place]] != _ROUGH:
                 continue
             if count - begins[groups] == room:
                 groups += 1
@@ -95,50 +135,64 @@ def _aim_again(directions, edges, offsets, first, last, rays):  # type: ignore[n
                 rays[e * samples + k, axis] = directions[edges[e], axis] + offsets[k, axis]
 
 
+class Rough(NamedTuple):
+    """Pixels of a picture that one ray does not do justice to.
+
+    Attributes:
+        pixels: ``(E,)`` int32 numbers of those to be sampled again.
+        begins: ``(G + 1,)`` int32 where in ``pixels`` groups begin whose rays run side by side.
+        marks: ``(H * W,)`` uint8, ``EVEN`` for those that become a mean of nine.
+    """
+
+    pixels: NDArray[np.int32]
+    begins: NDArray[np.int32]
+    marks: NDArray[np.uint8]
+
+
 def rough_pixels(
     caster: RayCaster,
     frame: Frame,
+    detail: NDArray[np.uint8],
     hits: Hits,
     codes: NDArray[np.uint8],
-    *,
-    strong: int,
-    weak: int,
-    samples: int,
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Pixels to sample again, and where groups of them begin whose rays run side by side.
+    sampling: Sampling,
+) -> Rough:
+    """Look for them.
 
     Args:
         caster: runs the kernels.
         frame: what was seen.
+        detail: ``(M,)`` uint8 pattern of each material.
         hits: of the pixel centres, row by row.
         codes: ``(H, W, 4)`` uint8 of the pixel centres.
-        strong: difference to a neighbour, in codes, above which both pixels count.
-        weak: the same for neighbours on different objects, materials or sides.
-        samples: rays that each is to be sampled with.
+        sampling: from which differences, and how many rays each gets.
     """
     height, width = codes.shape[:2]
-    marked = np.zeros(height * width, np.bool_)
+    marks = np.zeros(height * width, np.uint8)
+    met = frame.static, frame.actors
+    strong, weak = sampling.strong, sampling.weak
 
     def mark(first: int, last: int) -> None:
-        _mark(
-            frame.static, frame.actors, hits.row, hits.triangle, codes, strong, weak, first, last,
-            marked,
-        )  # fmt: skip
+        _mark(*met, hits.row, hits.triangle, codes, strong, weak, first, last, marks)
+
+    def find_even(first: int, last: int) -> None:
+        _find_even(*met, detail, hits.row, hits.triangle, width, height, first, last, marks)
 
     caster.in_bands(height, mark, _ROWS)
+    if sampling.blend:
+        caster.in_bands(height, find_even, _ROWS)
     packets = picture_packets(width, height)
-    edges = np.empty(height * width, np.int32)
+    pixels = np.empty(height * width, np.int32)
     begins = np.empty(height * width + 1, np.int32)
-    room = max(PACKET // samples, 1)
-    count, groups = _gather(marked, packets.order, packets.starts, room, edges, begins)
-    return edges[:count], begins[: groups + 1]
+    room = max(PACKET // len(sampling.offsets), 1)
+    count, groups = _gather(marks, packets.order, packets.starts, room, pixels, begins)
+    return Rough(pixels[:count], begins[: groups + 1], marks)
 
 
 def sampled_again(
     caster: RayCaster,
     hits: Hits,
-    edges: NDArray[np.int32],
-    begins: NDArray[np.int32],
+    rough: Rough,
     offsets: NDArray[np.float32],
 ) -> tuple[NDArray[np.float32], Packets]:
     """Directions of the other rays through some pixels, and which of them run side by side.
@@ -146,13 +200,15 @@ def sampled_again(
     Args:
         caster: runs the kernels.
         hits: of the pixel centres.
-        edges, begins: of :func:`rough_pixels`.
+        rough: the pixels.
         offsets: ``(K, 3)`` from the direction through a pixel's centre to each of its other rays.
     """
-    rays = np.empty((len(edges) * len(offsets), 3), np.float32)
+    rays = np.empty((len(rough.pixels) * len(offsets), 3), np.float32)
 
     def aim(first: int, last: int) -> None:
-        _aim_again(hits.directions, edges, offsets, first, last, rays)
+        _aim_again(hits.directions, rough.pixels, offsets, first, last, rays)
 
-    caster.in_bands(len(edges), aim)
-    return rays, Packets(np.arange(len(rays), dtype=np.int32), begins * np.int32(len(offsets)))
+    caster.in_bands(len(rough.pixels), aim)
+    return rays, Packets(
+        np.arange(len(rays), dtype=np.int32), rough.begins * np.int32(len(offsets))
+    )

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.kernels import device, kernel
+from carstage_sim.render.edges import EVEN
 from carstage_sim.render.sky import Lighting
 
 _STEPS: Any = np.float32(8191.0)
@@ -23,6 +24,10 @@ _NIGHT_STOPS = 4.5
 _USUAL_EV = math.log2(1.4**2 * 200.0)
 """Exposure value of CARLA's defaults: f/1.4, 1/200 s, ISO 100."""
 _USUAL_GAMMA = 2.2
+_MIDDLE: Any = np.float32(0.52)
+_BESIDE: Any = np.float32(0.1)
+_ACROSS: Any = np.float32(0.02)
+"""Weights of a pixel, of those beside it and of those across, in the mean of nine."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,3 +140,40 @@ def develop_means(codes, colours, again, edges, first, last, pixels):  # type: i
             red, green, blue = red + again[k, 0], green + again[k, 1], blue + again[k, 2]
         red, green, blue = red + colours[i, 0], green + colours[i, 1], blue + colours[i, 2]
         _develop(codes, red / share, green / share, blue / share, i, pixels)
+
+
+@device
+def weight_in_mean(right, down):  # type: ignore[no-untyped-def]
+    """Weight of a pixel in the mean of nine; ``right``, ``down``: 0 or 1 pixels from the middle.
+
+    The squares add up to a third, so noise is left as of three rays.
+    """
+    if right + down == 0:
+        return _MIDDLE
+    return _BESIDE if right + down == 1 else _ACROSS
+
+
+@kernel
+def develop_even(codes, colours, marks, width, first, last, pixels):  # type: ignore[no-untyped-def]
+    """As :func:`develop`, of pixels that become the mean of the nine around them.
+
+    Args:
+        codes: of the film's gamma.
+        colours: ``(N, 3)`` float32 of the pixels' centres.
+        marks: ``(N,)`` uint8, ``EVEN`` for these pixels, of which none is at the border.
+        width: of the picture.
+        first, last: half-open range of pixels to look at.
+        pixels: ``(N, 4)`` uint8 BGRA, receives them.
+    """
+    for i in range(first, last):
+        if marks[i] != EVEN:
+            continue
+        red, green, blue = np.float32(0), np.float32(0), np.float32(0)
+        for down in range(-1, 2):
+            for right in range(-1, 2):
+                j = i + down * width + right
+                weight = weight_in_mean(abs(right), abs(down))
+                red += weight * colours[j, 0]
+                green += weight * colours[j, 1]
+                blue += weight * colours[j, 2]
+        _develop(codes, red, green, blue, i, pixels)

@@ -35,28 +35,33 @@ def _like(colours, i, j, codes):  # type: ignore[no-untyped-def]
 
 @kernel
 def _lend(  # type: ignore[no-untyped-def]
-    row, triangle, width, height, colours, edges, row_of, triangle_of, first, last, again, open_
-):
+    row, triangle, width, height, colours, edges, towards, row_of, triangle_of, first, last, again,
+    open_,
+):  # fmt: skip
     """Give the extra rays of pixels the colour of a pixel beside them, or leave them open."""
-    samples = row_of.shape[0] // max(edges.shape[0], 1)
+    samples = towards.shape[0]
     for e in range(first, last):
         pixel = edges[e]
         y, x = pixel // width, pixel % width
-        for k in range(e * samples, e * samples + samples):
+        for k in range(samples):
+            ray = e * samples + k
             found = -1
             agree = True
-            for v in range(max(y - 1, 0), min(y + 2, height)):
-                for u in range(max(x - 1, 0), min(x + 2, width)):
-                    j = v * width + u
-                    if row[j] != row_of[k] or triangle[j] != triangle_of[k]:
-                        continue
-                    if found < 0:
-                        found = j
-                    agree = agree and _like(colours, found, j, _SAMPLE_CODES)
-            open_[k] = found < 0 or not agree
+            for place in range(4):
+                u = x + towards[k, 0] * (place & 1)
+                v = y + towards[k, 1] * (place >> 1)
+                if u < 0 or v < 0 or u >= width or v >= height:
+                    continue
+                j = v * width + u
+                if row[j] != row_of[ray] or triangle[j] != triangle_of[ray]:
+                    continue
+                if found < 0:
+                    found = j
+                agree = agree and _like(colours, found, j, _SAMPLE_CODES)
+            open_[ray] = found < 0 or not agree
             if found >= 0 and agree:
                 for channel in range(3):
-                    again[k, channel] = colours[found, channel]
+                    again[ray, channel] = colours[found, channel]
 
 
 @kernel
@@ -84,6 +89,7 @@ def lent(
     size: tuple[int, int],
     colours: NDArray[np.float32],
     edges: NDArray[np.int32],
+    offsets: NDArray[np.float32],
     again: Hits,
     packets: Packets,
     out: NDArray[np.float32],
@@ -96,16 +102,19 @@ def lent(
         size: its width and height.
         colours: ``(N, 3)`` of its pixels.
         edges: pixels that the extra rays go through, ``K`` for each.
+        offsets: ``(K, 2)`` where, right and down from a pixel's centre; a ray takes colours from
+            the four pixels whose centres are around it.
         again: hits of the extra rays.
         packets: which of them run side by side.
         out: ``(E * K, 3)`` receives their colours.
     """
     open_ = np.zeros(len(out), np.bool_)
+    towards = np.where(offsets < 0.0, np.int32(-1), np.int32(1))
 
     def work(first: int, last: int) -> None:
         _lend(
-            hits.row, hits.triangle, *size, colours, edges, again.row, again.triangle, first, last,
-            out, open_,
+            hits.row, hits.triangle, *size, colours, edges, towards, again.row, again.triangle,
+            first, last, out, open_,
         )  # fmt: skip
 
     caster.in_bands(len(edges), work)

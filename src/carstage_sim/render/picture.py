@@ -11,7 +11,7 @@ from carstage_sim.render.bvh import build_tree, refitted_tree
 from carstage_sim.render.cast import NOTHING
 from carstage_sim.render.caster import Hits, Packets, RayCaster, picture_packets, unwritten_hits
 from carstage_sim.render.edges import rough_pixels, sampled_again
-from carstage_sim.render.film import Film, develop, develop_means, film_codes
+from carstage_sim.render.film import Film, develop, develop_even, develop_means, film_codes
 from carstage_sim.render.lending import lent
 from carstage_sim.render.materials import material_table
 from carstage_sim.render.motion import earlier_places, no_motion
@@ -70,36 +70,37 @@ class PictureMaker:
         self._scratch = OfEachThread(new_shade_scratch)
         self.sky = SkyModel()
 
-    def warm_up_shading(self, store: SceneStore) -> None:
-        """Compile, or load, the kernel of shading, which takes as long as all others together."""
-        rays = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]], np.float32)
-        hits, packets = unwritten_hits(np.zeros(3), rays), picture_packets(2, 1)
-        hits.t.fill(np.inf)
-        hits.row.fill(NOTHING)
-        hits.triangle.fill(-1)
-        hits.weights.fill(0.0)
+    def warm_up_rays(self, store: SceneStore) -> None:
+        """Compile, or load, what casts and shades rays: half of all kernels' compilation."""
+        frame, (hits, packets) = store.frame([]), _nothing_met()
         light, colours = self.sky.lighting(Weather(), 0.0), np.empty((2, 3), np.float32)
-        self._shade(store.frame([]), hits, packets, -1, 1e-3, light, colours)
+        origin, rays = hits.origin.astype(np.float64), hits.directions
+        self._caster.cast(frame.scene, origin, rays, low=0.1, high=1000.0)
+        self._caster.cast_together(frame.scene, origin, rays, packets, low=0.1, high=1000.0)
+        self._shade(frame, hits, packets, -1, 1e-3, light, colours)
 
     def warm_up(self, store: SceneStore) -> None:
-        """Compile, or load, all other kernels of pictures: of building, casting, developing."""
+        """Compile, or load, all other kernels of pictures: of building, sampling, developing."""
         boxes = np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32)
         refitted_tree(build_tree(*boxes, 1), *boxes)
-        frame = store.frame([])
-        rays = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]], np.float32)
-        hits = self._caster.cast(frame.scene, np.zeros(3), rays, low=0.1, high=1000.0)
-        packets = picture_packets(2, 1)
-        self._caster.cast_together(frame.scene, np.zeros(3), rays, packets, low=0.1, high=1000.0)
+        frame, (hits, packets) = store.frame([]), _nothing_met()
         colours = np.zeros((2, 3), np.float32)
-        lent(self._caster, hits, (2, 1), colours, packets.order, hits, packets, colours.copy())
+        middle = np.zeros((1, 2), np.float32)
+        lent(
+            self._caster, hits, (2, 1), colours, packets.order, middle, hits, packets,
+            colours.copy(),
+        )  # fmt: skip
         smooth_normals(self._caster, frame, hits)
         nowhere = (np.zeros(2), np.zeros(2))
         earlier_places(no_motion(0), hits, nowhere, (1.0, 1.0))
         film, pixels = Film(), np.zeros((1, 2, 4), np.uint8)
-        edges, begins = rough_pixels(self._caster, frame, hits, pixels, strong=1, weak=1, samples=1)
-        sampled_again(self._caster, hits, edges, begins, np.zeros((1, 3), np.float32))
+        rough = rough_pixels(
+            self._caster, frame, self._materials.detail, hits, pixels, SAMPLING[Quality.LOW]
+        )
+        sampled_again(self._caster, hits, rough, np.zeros((1, 3), np.float32))
         nothing = np.zeros((2, 3), np.float32)
         self._develop(film, nothing, pixels)
+        self._develop_even(film, nothing, rough.marks, pixels)
         self._develop_means(film, nothing, nothing, np.arange(2, dtype=np.int32), pixels)
         line = np.array([[[2.0, 0.0, 0.0], [2.0, 1.0, 0.0]]])
         draw_shapes(
@@ -137,7 +138,10 @@ class PictureMaker:
         self._caster.in_packets(packets, work)
 
     def paint(self, frame: Frame, picture: Picture, light: Lighting) -> NDArray[np.uint8]:
-        """``(H, W, 3)`` uint8 sRGB picture; pixels on edges are the mean of several rays."""
+        """``(H, W, 3)`` uint8 sRGB picture; pixels on edges are the mean of several rays.
+
+        Rough ones amid their like are the mean of themselves and those around them.
+        """
         return self.pixels(frame, picture, light)[..., 2::-1]
 
     def pixels(self, frame: Frame, picture: Picture, light: Lighting) -> NDArray[np.uint8]:
@@ -149,17 +153,18 @@ class PictureMaker:
         self._shade(frame, picture.hits, whole, picture.skip_row, angle, light, colours)
         pixels = np.empty((picture.height, picture.width, 4), np.uint8)
         self._develop(picture.film, colours, pixels)
-        strong, weak, places = self._sampling.strong, self._sampling.weak, self._sampling.offsets
-        edges, begins = rough_pixels(
-            self._caster, frame, picture.hits, pixels, strong=strong, weak=weak,
-            samples=len(places),
-        )  # fmt: skip
+        places = self._sampling.offsets
+        rough = rough_pixels(
+            self._caster, frame, self._materials.detail, picture.hits, pixels, self._sampling
+        )
+        self._develop_even(picture.film, colours, rough.marks, pixels)
+        edges = rough.pixels
         if len(edges):
             # The offset is in pixels: right along the second axis of the camera, down its third.
             right = (picture.rotation[:, 1] * angle).astype(np.float32)
             down = (-picture.rotation[:, 2] * angle).astype(np.float32)
             offsets = places[:, :1] * right + places[:, 1:] * down
-            rays, packets = sampled_again(self._caster, picture.hits, edges, begins, offsets)
+            rays, packets = sampled_again(self._caster, picture.hits, rough, offsets)
             hits = self._caster.cast_together(
                 frame.scene,
                 picture.hits.origin,
@@ -173,7 +178,7 @@ class PictureMaker:
             if not self._epic:
                 size = (picture.width, picture.height)
                 packets = lent(
-                    self._caster, picture.hits, size, colours, edges, hits, packets, again
+                    self._caster, picture.hits, size, colours, edges, places, hits, packets, again
                 )
             self._shade(frame, hits, packets, picture.skip_row, angle, light, again)
             self._develop_means(picture.film, colours, again, edges, pixels)
@@ -185,6 +190,19 @@ class PictureMaker:
         codes, flat = film_codes(film.gamma), pixels.reshape(-1, 4)
         self._caster.in_bands(
             len(colours), lambda first, last: develop(codes, colours, first, last, flat)
+        )
+
+    def _develop_even(
+        self,
+        film: Film,
+        colours: NDArray[np.float32],
+        marks: NDArray[np.uint8],
+        pixels: NDArray[np.uint8],
+    ) -> None:
+        codes, width, flat = film_codes(film.gamma), pixels.shape[1], pixels.reshape(-1, 4)
+        self._caster.in_bands(
+            len(marks),
+            lambda first, last: develop_even(codes, colours, marks, width, first, last, flat),
         )
 
     def _develop_means(
@@ -201,6 +219,17 @@ class PictureMaker:
             develop_means(codes, colours, again, edges, first, last, flat)
 
         self._caster.in_bands(len(edges), work)
+
+
+def _nothing_met() -> tuple[Hits, Packets]:
+    """Two rays of a picture that met nothing."""
+    rays = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]], np.float32)
+    hits = unwritten_hits(np.zeros(3), rays)
+    hits.t.fill(np.inf)
+    hits.row.fill(NOTHING)
+    hits.triangle.fill(-1)
+    hits.weights.fill(0.0)
+    return hits, picture_packets(2, 1)
 
 
 def _draw(shapes: DebugShapes, picture: Picture, codes: NDArray[np.uint8]) -> None:

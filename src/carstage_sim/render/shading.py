@@ -119,6 +119,10 @@ _SHARPEST_GLINT: Any = np.float32(2000.0)
 """Strength of the sun's reflection, and its greatest exponent."""
 
 
+_DISTANCE, _RISE, _SUNWARDS = 3, 4, 5
+"""Rows of ``ShadeScratch.seen`` after the three of the colour."""
+
+
 class ShadedFrame(NamedTuple):
     """What kernels need of a frame to colour its hits.
 
@@ -345,6 +349,14 @@ def _uncovered(frame, scratch, skip, epic, o, g, distance, kinds):  # type: igno
 
 
 @inlined
+def _unit(directions, i):  # type: ignore[no-untyped-def]
+    """Unit direction of ray ``i``, and its length."""
+    dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
+    length = math.sqrt(dx * dx + dy * dy + dz * dz)
+    return dx / length, dy / length, dz / length, length
+
+
+@inlined
 def _lifted(p, g, distance):  # type: ignore[no-untyped-def]
     """Where rays from a surface begin."""
     lift = _LIFT_M + distance * _LIFT_PER_M
@@ -454,19 +466,34 @@ def _hit_radiance(frame, rays, scratch, epic, lamps_on, i, d, distance, normals,
 
 
 @inlined
-def _through_air(light, rays, d, distance, colour):  # type: ignore[no-untyped-def]
-    """Radiance that is left of a colour, with the light of fog and rain on the way."""
-    lx, ly, lz = light.sun_direction[0], light.sun_direction[1], light.sun_direction[2]
+def _towards_sun(light, d):  # type: ignore[no-untyped-def]
+    """Cosine between a unit direction and that of the sun."""
+    s = light.sun_direction
+    return d[0] * s[0] + d[1] * s[1] + d[2] * s[2]
+
+
+@inlined
+def _through_fog(light, height, rise, sunwards, distance, colour):  # type: ignore[no-untyped-def]
+    """Radiance that is left of a colour, with the light of the fog on the way.
+
+    ``height``: z of the camera. ``rise``, ``sunwards``: of the ray's unit direction.
+    """
     r, g, b = colour
-    fog = fog_share(light, rays.origin[2], d[2], distance)
-    if fog > 0:
-        halo = max(d[0] * lx + d[1] * ly + d[2] * lz, _ZERO)
-        halo = halo * halo
-        halo = halo * halo
-        halo = halo * halo
-        r += (light.fog[0] + light.fog_glow[0] * halo - r) * fog
-        g += (light.fog[1] + light.fog_glow[1] * halo - g) * fog
-        b += (light.fog[2] + light.fog_glow[2] * halo - b) * fog
+    fog = fog_share(light, height, rise, distance)
+    halo = max(sunwards, _ZERO)
+    halo = halo * halo
+    halo = halo * halo
+    halo = halo * halo
+    r += (light.fog[0] + light.fog_glow[0] * halo - r) * fog
+    g += (light.fog[1] + light.fog_glow[1] * halo - g) * fog
+    b += (light.fog[2] + light.fog_glow[2] * halo - b) * fog
+    return r, g, b
+
+
+@inlined
+def _through_rain(light, rays, d, distance, colour):  # type: ignore[no-untyped-def]
+    """Radiance that is left of a colour, with the light of the rain on the way."""
+    r, g, b = colour
     if light.rain > 0:
         veil = rain_share(light, d[0], d[1], d[2], distance, rays.pixel_angle)
         a = light.ambient
@@ -499,9 +526,9 @@ def _sky_met(light, d):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _exposed(light, rays, d, distance, colour):  # type: ignore[no-untyped-def]
-    """Display light of a ray's colour."""
-    r, g, b = _through_air(light, rays, d, distance, colour)
+def _exposed(light, colour):  # type: ignore[no-untyped-def]
+    """Display light of a colour."""
+    r, g, b = colour
     return _film(r * light.exposure), _film(g * light.exposure), _film(b * light.exposure)
 
 
@@ -520,9 +547,8 @@ def shade_rays(frame, rays, scratch, epic, first, last, out):  # type: ignore[no
     light = frame.light
     lamps_on = _lamps_on(frame)
     for i in range(first, last):
-        dx, dy, dz = rays.directions[i, 0], rays.directions[i, 1], rays.directions[i, 2]
-        length = math.sqrt(dx * dx + dy * dy + dz * dz)
-        d = (dx / length, dy / length, dz / length)
+        dx, dy, dz, length = _unit(rays.directions, i)
+        d = (dx, dy, dz)
         if rays.row[i] == NOTHING:
             distance = _SKY_M
             r, g, b = _sky_met(light, d)
@@ -543,7 +569,9 @@ def shade_rays(frame, rays, scratch, epic, first, last, out):  # type: ignore[no
             r, g, b = _hit_radiance(
                 frame, rays, scratch, epic, lamps_on, i, d, distance, normals, free, sunlit
             )
-        r, g, b = _exposed(light, rays, d, distance, (r, g, b))
+        sunwards = _towards_sun(light, d)
+        colour = _through_fog(light, rays.origin[2], d[2], sunwards, distance, (r, g, b))
+        r, g, b = _exposed(light, _through_rain(light, rays, d, distance, colour))
         out[i, 0], out[i, 1], out[i, 2] = r, g, b
 
 
@@ -557,6 +585,8 @@ class ShadeScratch(NamedTuple):
         leaves, sunlit, covered: ``(64,)`` bool: whether it is leaves, whether the sun reaches it,
             whether something may stand right above it.
         which: ``(64,)`` int32 rays for which others are traced.
+        seen: ``(6, 64)`` float32 radiance (red, green, blue) of what each ray met, how far that is,
+            and the ray's rise and cosine with the sun.
     """
 
     packet: PacketScratch
@@ -566,6 +596,7 @@ class ShadeScratch(NamedTuple):
     sunlit: NDArray[np.bool_]
     covered: NDArray[np.bool_]
     which: NDArray[np.int32]
+    seen: NDArray[np.float32]
 
 
 def new_shade_scratch() -> ShadeScratch:
@@ -578,6 +609,7 @@ def new_shade_scratch() -> ShadeScratch:
         np.empty(PACKET, np.bool_),
         np.empty(PACKET, np.bool_),
         np.empty(PACKET, np.int32),
+        np.empty((6, PACKET), np.float32),
     )
 
 
@@ -602,9 +634,8 @@ def _find_light(frame, rays, memory, order, begin, count, epic):  # type: ignore
         memory.covered[i] = False
         if rays.row[ray] == NOTHING:
             continue
-        dx, dy, dz = rays.directions[ray, 0], rays.directions[ray, 1], rays.directions[ray, 2]
-        length = math.sqrt(dx * dx + dy * dy + dz * dz)
-        d = (dx / length, dy / length, dz / length)
+        dx, dy, dz, length = _unit(rays.directions, ray)
+        d = (dx, dy, dz)
         distance = rays.t[ray] * length
         nearest = min(nearest, distance)
         normals = _normals_met(frame, rays, ray, d)
@@ -636,9 +667,8 @@ def _find_light(frame, rays, memory, order, begin, count, epic):  # type: ignore
         if not memory.covered[i]:
             continue
         ray = order[begin + i]
-        dx, dy, dz = rays.directions[ray, 0], rays.directions[ray, 1], rays.directions[ray, 2]
-        length = math.sqrt(dx * dx + dy * dy + dz * dz)
-        d = (dx / length, dy / length, dz / length)
+        dx, dy, dz, length = _unit(rays.directions, ray)
+        d = (dx, dy, dz)
         distance = rays.t[ray] * length
         way = (memory.normals[3, i], memory.normals[4, i], memory.normals[5, i])
         _want(packet, which, i, _lifted(_place_met(rays, d, distance), way, distance))
@@ -648,6 +678,32 @@ def _find_light(frame, rays, memory, order, begin, count, epic):  # type: ignore
     for k in range(packet.wanted[0]):
         if packet.met[k] >= _ZERO:
             memory.free[which[k]] = overhang_share(packet.met[k])
+
+
+@device
+def _expose_packet(light, rays, memory, order, begin, count, out):  # type: ignore[no-untyped-def]
+    """Display light of what a packet met; the loop that has no branches runs eight at a time."""
+    seen, height = memory.seen, rays.origin[2]
+    for k in range(count):
+        seen[0, k], seen[1, k], seen[2, k] = _through_fog(
+            light, height, seen[_RISE, k], seen[_SUNWARDS, k], seen[_DISTANCE, k],
+            (seen[0, k], seen[1, k], seen[2, k]),
+        )  # fmt: skip
+    if light.rain > 0:
+        for k in range(count):
+            dx, dy, dz, _ = _unit(rays.directions, order[begin + k])
+            seen[0, k], seen[1, k], seen[2, k] = _through_rain(
+                light,
+                rays,
+                (dx, dy, dz),
+                seen[_DISTANCE, k],
+                (seen[0, k], seen[1, k], seen[2, k]),
+            )
+    for k in range(count):
+        seen[0, k], seen[1, k], seen[2, k] = _exposed(light, (seen[0, k], seen[1, k], seen[2, k]))
+    for k in range(count):
+        for channel in range(3):
+            out[order[begin + k], channel] = seen[channel, k]
 
 
 @device
@@ -668,9 +724,8 @@ def shade_packets(frame, rays, memory, epic, order, starts, first, last, out):  
         _find_light(frame, rays, memory, order, begin, count, epic)
         for k in range(count):
             i = order[begin + k]
-            dx, dy, dz = rays.directions[i, 0], rays.directions[i, 1], rays.directions[i, 2]
-            length = math.sqrt(dx * dx + dy * dy + dz * dz)
-            d = (dx / length, dy / length, dz / length)
+            dx, dy, dz, length = _unit(rays.directions, i)
+            d = (dx, dy, dz)
             if rays.row[i] == NOTHING:
                 distance = _SKY_M
                 r, g, b = _sky_met(light, d)
@@ -685,5 +740,8 @@ def shade_packets(frame, rays, memory, epic, order, starts, first, last, out):  
                     frame, rays, memory.packet.single, epic, lamps_on, i, d, distance, normals,
                     memory.free[k], memory.sunlit[k],
                 )  # fmt: skip
-            r, g, b = _exposed(light, rays, d, distance, (r, g, b))
-            out[i, 0], out[i, 1], out[i, 2] = r, g, b
+            seen = memory.seen
+            seen[0, k], seen[1, k], seen[2, k] = r, g, b
+            seen[_DISTANCE, k], seen[_RISE, k] = distance, d[2]
+            seen[_SUNWARDS, k] = _towards_sun(light, d)
+        _expose_packet(light, rays, memory, order, begin, count, out)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from carstage_sim.kernels import device
+from carstage_sim.kernels import device, inlined
 from carstage_sim.render.arithmetic import exp_down, exp_of, turns
 from carstage_sim.render.detail import hash_unit
 
@@ -17,7 +17,7 @@ _TAU: Any = np.float32(2 * math.pi)
 _RINGS = 3
 
 
-@device
+@inlined
 def fog_share(light, height, rise, distance):  # type: ignore[no-untyped-def]
     """Share of the light from ``distance`` metres away that fog takes, 0-1.
 

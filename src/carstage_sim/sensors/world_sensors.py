@@ -102,23 +102,24 @@ class WorldSensors:
         self._side_by_side.close()
         self._caster.close()
 
-    def warm_up(self, await_shading: Callable[[], None] = lambda: None) -> None:
+    def warm_up(self, await_rays: Callable[[], None] = lambda: None) -> None:
         """Compile, or load, every kernel: afterwards no capture waits for the compiler.
 
         Args:
-            await_shading: called when all but shading is done, to wait for who compiles that.
+            await_rays: called when all but the rays' kernels are done, to wait for who compiles
+                those.
         """
         self._pictures.warm_up(self._store)
         frame = self._store.frame([])
+        occupancy.warm_up(frame)
+        await_rays()
+        self._pictures.warm_up_rays(self._store)
         view = View(lambda: frame, self._caster, self._pictures, Weather(), 0.0)
         ahead = np.array([[1.0, 0.0, 0.0]], np.float32)
         view.camera(Camera(2, 1, 90.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0))
         hits = view.rays((0.0, 0.0, 0.0), ahead, high=1.0, owner_id=0)
         cameras.encode_depth(hits.t, view.in_bands)
         cameras.encode_instances(view.tags(hits), view.instance_ids(hits), view.in_bands)
-        occupancy.warm_up(frame)
-        await_shading()
-        self._pictures.warm_up_shading(self._store)
         if self._cameras is not None:
             light = self._pictures.sky.lighting(Weather(), 0.0)
             self._cameras.warm_up(self._store.frame([]), light)

@@ -25,7 +25,7 @@ def hits(row, triangle):
     )
 
 
-def shown(colour, *, met=(-1, 7), at=12, there=(-1, 7)):
+def shown(colour, *, met=(-1, 7), at=12, there=(-1, 7), offset=(-0.3, 0.2)):
     """The colour and openness of one ray of pixel ``at``; pixel 11 beside it shows ``there``."""
     row, triangle = np.full(20, -1), np.full(20, 3)
     row[11], triangle[11] = there
@@ -33,7 +33,7 @@ def shown(colour, *, met=(-1, 7), at=12, there=(-1, 7)):
     out = np.zeros((1, 3), np.float32)
     left = lent(
         caster, hits(row, triangle), _SIZE, colour, np.array([at], np.int32),
-        hits([met[0]], [met[1]]), picture_packets(1, 1), out,
+        np.array([offset], np.float32), hits([met[0]], [met[1]]), picture_packets(1, 1), out,
     )  # fmt: skip
     return out[0], list(left.order), list(left.starts)
 
@@ -59,7 +59,14 @@ def test_what_no_pixel_beside_shows_is_shaded(other):
 def test_pixels_of_one_triangle_that_disagree_lend_nothing():
     colour = np.full((20, 3), 0.2, np.float32)
     assert shown(colour, met=(-1, 3))[1] == []
-    colour[13, 1] = 0.24
+    colour[17, 1] = 0.24
     assert shown(colour, met=(-1, 3))[1] == [0], "a shadow's edge"
-    colour[13, 1] = 0.21
+    colour[17, 1] = 0.21
     assert shown(colour, met=(-1, 3))[1] == []
+
+
+def test_only_the_four_pixels_around_a_ray_lend():
+    colour = np.full((20, 3), 0.2, np.float32)
+    colour[17, 1] = 0.24
+    assert shown(colour, met=(-1, 3), offset=(-0.3, -0.2))[1] == [], "it is on the other side"
+    assert shown(colour, offset=(0.3, 0.2))[1] == [0], "pixel 11 is on the other side"

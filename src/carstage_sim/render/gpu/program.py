@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from carstage_sim.render.cast import trace
-from carstage_sim.render.edges import _apart, _unlike
+from carstage_sim.render.edges import _apart, _even_with, _unlike
+from carstage_sim.render.film import weight_in_mean
 from carstage_sim.render.gpu.arenas import Arenas, Source
 from carstage_sim.render.gpu.caster import GpuCaster
 from carstage_sim.render.gpu.device import wgsl
@@ -25,6 +26,7 @@ from carstage_sim.render.gpu.values import (
     convert,
 )
 from carstage_sim.render.materials import MaterialTable
+from carstage_sim.render.quality import SAMPLING, Quality
 from carstage_sim.render.scene import Frame
 from carstage_sim.render.shading import shade_rays
 from carstage_sim.render.sky import Lighting
@@ -169,18 +171,27 @@ class CameraProgram:
             if isinstance(value, Value) and value.code not in ("true", "false")
         )
         text = wgsl("shade").replace("SHADE(0, 1)", f"{name}({passed})")
+        away = Value("i", "i32")
+        weight, _ = translator.function(weight_in_mean, [away, away])
+        text = text.replace("WEIGHT(", f"{weight}(")
         return translator.source() + "\n" + text
 
     def _edges_source(self) -> str:
-        """The pass that finds edges, around the translated comparison of two pixels."""
+        """The pass that finds edges, around the translated comparisons of two pixels."""
         translator = Translator({})
         place = Value("i", "i32")
         row, triangle = Array("hit_row", "i32", 1), Array("hit_triangle", "i32", 1)
         records: list[Bound] = [self.arenas.record("static"), self.arenas.record("actors")]
-        unlike, _ = translator.function(_unlike, [*records, row, triangle, place, place])
+        hits: list[Bound] = [row, triangle, place, place]
+        unlike, _ = translator.function(_unlike, [*records, *hits])
+        detail = self.arenas.member("materials", "detail")
+        even, _ = translator.function(_even_with, [*records, detail, *hits])
         codes = Array("code_at", "i32", 3)
         apart, _ = translator.function(_apart, [codes, place, place, place, place])
-        text = wgsl("edges").replace("APART(", f"{apart}(").replace("UNLIKE(", f"{unlike}(")
+        quality = Quality.EPIC if self._epic else Quality.LOW
+        blends = "true" if SAMPLING[quality].blend else "false"
+        text = wgsl("edges").replace("BLENDS", blends).replace("EVEN_WITH(", f"{even}(")
+        text = text.replace("APART(", f"{apart}(").replace("UNLIKE(", f"{unlike}(")
         return translator.source() + "\n" + text
 
     def _products_source(self) -> str:

@@ -1,4 +1,4 @@
-// Which pixels are sampled again.
+// Which pixels are sampled again, or become a mean of those around them: `EVEN` is told with them.
 
 fn code_at(y: i32, x: i32, channel: i32) -> i32 {
   return i32((codes[u32(y) * shot.width + u32(x)] >> u32(16 - 8 * channel)) & 255u);
@@ -16,6 +16,22 @@ fn differ(y: i32, x: i32, v: i32, u: i32) -> bool {
   return apart > shot.strong || (apart > shot.weak && UNLIKE(i, j));
 }
 
+fn is_even(y: i32, x: i32) -> bool {
+  if (!BLENDS || y < 1 || x < 1 || y + 1 >= i32(shot.height) || x + 1 >= i32(shot.width)) {
+    return false;
+  }
+  let i = y * i32(shot.width) + x;
+  for (var v = y - 1; v < y + 2; v++) {
+    for (var u = x - 1; u < x + 2; u++) {
+      let j = v * i32(shot.width) + u;
+      if (!EVEN_WITH(i, j)) {
+        return false;
+      }
+    }
+  }
+  return true;
+}
+
 @compute @workgroup_size(64)
 fn find_edges(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
   let i = pixel_of_invocation(id, groups);
@@ -25,6 +41,7 @@ fn find_edges(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups)
   let y = i32(i / shot.width);
   let x = i32(i % shot.width);
   if (differ(y, x, y, x + 1) || differ(y, x, y + 1, x) || differ(y, x, y, x - 1) || differ(y, x, y - 1, x)) {
-    atomicStore(&edges[1u + atomicAdd(&edges[0], 1u)], i);
+    let found = select(i, i | EVEN, is_even(y, x));
+    atomicStore(&edges[1u + atomicAdd(&edges[0], 1u)], found);
   }
 }

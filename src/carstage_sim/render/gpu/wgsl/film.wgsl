@@ -13,3 +13,6 @@ fn code_of(value: f32) -> u32 {
 fn developed(colour: vec3f) -> u32 {
   return code_of(colour.z) | (code_of(colour.y) << 8u) | (code_of(colour.x) << 16u) | 0xff000000u;
 }
+
+// The bit of an edge pixel's number that tells that it becomes a mean of nine.
+const EVEN = 0x80000000u;

@@ -35,6 +35,17 @@ fn shade(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) grou
 // Colours of the extra rays of a work group.
 var<workgroup> sampled: array<vec3f, 64>;
 
+fn mean_of_nine(pixel: u32) -> vec3f {
+  var total = vec3f(0.0);
+  for (var down = -1; down < 2; down++) {
+    for (var right = -1; right < 2; right++) {
+      let weight = WEIGHT(abs(right), abs(down));
+      total += weight * colours[i32(pixel) + down * i32(shot.width) + right].xyz;
+    }
+  }
+  return total;
+}
+
 // Edge pixels become the mean of their rays. As many pixels as a work group has rays for.
 @compute @workgroup_size(64)
 fn sample_edges(
@@ -47,8 +58,13 @@ fn sample_edges(
   let number = lane % shot.samples;
   let used = lane < held * shot.samples && edge < atomicLoad(&edges[0]);
   var pixel = 0u;
+  var even = false;
   if (used) {
-    pixel = atomicLoad(&edges[1u + edge]);
+    let found = atomicLoad(&edges[1u + edge]);
+    pixel = found & ~EVEN;
+    even = found != pixel;
+  }
+  if (used && !even) {
     let moved = shot.offsets[number].xy * shot.angle;
     let away = moved.x * shot.right.xyz - moved.y * shot.up.xyz;
     the_ray = centre_direction(pixel) + away;
@@ -57,7 +73,10 @@ fn sample_edges(
     sampled[lane] = the_colour;
   }
   workgroupBarrier();
-  if (used && number == 0u) {
+  if (used && even && number == 0u) {
+    codes[pixel] = developed(mean_of_nine(pixel));
+  }
+  if (used && !even && number == 0u) {
     var total = vec3f(0.0);
     for (var k = 0u; k < shot.samples; k++) {
       total += sampled[lane + k];

@@ -1,0 +1,89 @@
+"""Functions of kernels that are compiled as parts of kernels alone.
+
+Numba makes each function fit to be called from Python: it links in all that the function calls,
+optimises the whole, and makes machine code of it. Of a function that only kernels call, none of
+that is used; and as each level holds those below it, it took most of a large kernel's compilation.
+Here such a function ends as code to be linked: a kernel optimises all of it, once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numba
+from numba.core import types
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler_machinery import register_pass
+from numba.core.typed_passes import NativeLowering
+
+
+class _LinkedLibrary(JITCodeLibrary):
+    """Code that waits for the kernel that it is linked into."""
+
+    def _optimize_final_module(self) -> None:
+        """The kernel is optimised with all that is linked into it."""
+
+    def _finalize_final_module(self) -> None:
+        """As numba's, without making machine code."""
+        self._finalize_dynamic_globals()
+        self._verify_declare_only_symbols()
+        self._finalized = True
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _LinkedLowering(NativeLowering):
+    """Makes a linked library of a function."""
+
+    _name = "linked_lowering"
+
+    def run_pass(self, state: Any) -> bool:
+        state.library = _LinkedLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library.enable_object_caching()
+        state.flags.no_compile = True
+        super().run_pass(state)
+        # Numba knows functions by an object of their own, which has to be a built-in method, and
+        # which it calls when Python does: this one refuses what it is given.
+        key = dict[str, object]().update
+        state.targetctx.insert_user_function(key, state.cr.fndesc, [state.library])
+        state["cr"] = state.cr._replace(cfunc=key)
+        return True
+
+
+class _LinkedCompiler(CompilerBase):
+    """Numba's own passes, but for the last step to machine code."""
+
+    def define_pipelines(self) -> list[Any]:
+        passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        passes.passes = [
+            (_LinkedLowering if kind is NativeLowering else kind, text)
+            for kind, text in passes.passes
+        ]
+        passes.finalize()
+        return [passes]
+
+
+def linked(function: Callable[..., Any], **options: Any) -> Callable[..., Any]:
+    """Compile a function for each kernel that calls it, once for types that differ.
+
+    Python cannot call it; its source is ``py_func``.
+
+    Args:
+        function: what kernels call.
+        options: of ``numba.njit``.
+    """
+    compile_lazily: Any = numba.njit
+    dispatcher = compile_lazily(
+        pipeline_class=_LinkedCompiler, no_cpython_wrapper=True, no_cfunc_wrapper=True, **options
+    )(function)
+    template = dispatcher.get_call_template
+
+    def of_plain_types(args: Any, names: dict[str, Any]) -> Any:
+        # Each constant has a type of its own, and would get a function of its own.
+        plain = {name: types.unliteral(kind) for name, kind in names.items()}
+        return template(tuple(types.unliteral(kind) for kind in args), plain)
+
+    dispatcher.get_call_template = of_plain_types
+    compiled: Callable[..., Any] = dispatcher
+    return compiled

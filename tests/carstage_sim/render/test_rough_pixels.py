@@ -1,0 +1,101 @@
+"""Which pixels are sampled again, and which become the mean of nine."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from carstage_sim.mesh import Material
+from carstage_sim.render.caster import Hits, RayCaster
+from carstage_sim.render.edges import EVEN, rough_pixels
+from carstage_sim.render.film import develop_even, film_codes, weight_in_mean
+from carstage_sim.render.materials import material_table
+from carstage_sim.render.quality import SAMPLING, Quality
+from ray_scenes import frame_of, soup
+
+pytestmark = pytest.mark.xdist_group("kernels")
+
+_SIDE = 5
+_MIDDLE = 12
+
+
+def marks(triangle, *, quality=Quality.LOW, leafy=True, contrast=True):
+    """Marks of a picture of 5 x 5 pixels, checkered, whose pixels show these triangles."""
+    corners = np.zeros((9, 3, 3)) + np.array([[0, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    frame = frame_of(soup(corners, leafy=leafy))
+    count = _SIDE * _SIDE
+    numbers = np.asarray(triangle, np.int32).reshape(-1)
+    hits = Hits(
+        np.zeros(3, np.float32), np.ones((count, 3), np.float32), np.ones(count, np.float32),
+        np.where(numbers < 0, -2, -1).astype(np.int32), numbers, np.zeros((count, 2), np.float32),
+    )  # fmt: skip
+    codes = np.zeros((_SIDE, _SIDE, 4), np.uint8)
+    if contrast:
+        codes[(np.arange(count) % 2).reshape(_SIDE, _SIDE) == 1] = 200
+    caster = RayCaster(1)
+    found = rough_pixels(
+        caster, frame, material_table().detail, hits, codes, SAMPLING[quality]
+    )  # fmt: skip
+    caster.close()
+    assert set(found.pixels.tolist()) == set(np.flatnonzero(found.marks == 1).tolist())
+    return found.marks
+
+
+def grid(number, **others):
+    numbers = np.full((_SIDE, _SIDE), number)
+    for place, other in others.items():
+        numbers.reshape(-1)[int(place[1:])] = other
+    return numbers
+
+
+def test_a_pixel_amid_its_own_triangle_is_even_and_those_at_the_border_are_sampled():
+    found = marks(grid(0)).reshape(_SIDE, _SIDE)
+    assert (found[1:-1, 1:-1] == EVEN).all()
+    border = found.copy()
+    border[1:-1, 1:-1] = 1
+    assert (border == 1).all()
+
+
+def test_one_other_triangle_beside_lets_a_pixel_be_sampled_again():
+    assert marks(grid(0, _6=3))[_MIDDLE] == 1, "across"
+    assert marks(grid(0, _0=3))[_MIDDLE] == EVEN, "two pixels away"
+
+
+def test_a_crown_is_even_whichever_of_its_leaves_are_met():
+    leaves = np.array([1, 2, 4, 5, 7])[np.arange(_SIDE * _SIDE) % 5]
+    kinds = {Material.LEAVES, Material.NEEDLES}
+    detail = material_table().detail
+    assert len({int(detail[kind]) for kind in kinds}) == 1, "both have the pattern of leaves"
+    assert marks(leaves)[_MIDDLE] == EVEN
+    assert marks(leaves, leafy=False)[_MIDDLE] == 1
+    leaves[_MIDDLE + 1] = 0
+    assert marks(leaves)[_MIDDLE] == 1, "a trunk beside"
+
+
+def test_the_sky_is_sampled_again():
+    assert marks(grid(-1))[_MIDDLE] == 1
+
+
+def test_what_has_no_contrast_is_left_alone():
+    assert not marks(grid(0), contrast=False).any()
+
+
+def test_epic_pictures_sample_all_of_them():
+    assert (marks(grid(0), quality=Quality.EPIC) == 1).all()
+
+
+def test_a_mean_of_nine_keeps_the_light_and_as_much_noise_as_three_rays():
+    weight = weight_in_mean.py_func
+    weights = [float(weight(abs(x), abs(y))) for x in (-1, 0, 1) for y in (-1, 0, 1)]
+    assert sum(weights) == pytest.approx(1.0, abs=1e-6)
+    assert sum(w * w for w in weights) == pytest.approx(1 / 3, abs=0.03)
+    colours = np.random.default_rng(1).random((_SIDE * _SIDE, 3), np.float32)
+    pixels = np.zeros((_SIDE * _SIDE, 4), np.uint8)
+    chosen = np.zeros(_SIDE * _SIDE, np.uint8)
+    chosen[_MIDDLE] = EVEN
+    develop_even(film_codes(2.2), colours, chosen, _SIDE, 0, len(chosen), pixels)
+    around = colours.reshape(_SIDE, _SIDE, 3)[1:4, 1:4].reshape(9, 3)
+    mean = (np.array(weights)[:, None] * around).sum(axis=0)
+    wanted = film_codes(2.2)[np.rint(mean * 8191).astype(int)]
+    assert np.abs(pixels[_MIDDLE, 2::-1].astype(int) - wanted).max() <= 1
+    assert not pixels[np.arange(len(pixels)) != _MIDDLE].any()

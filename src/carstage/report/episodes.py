@@ -32,6 +32,7 @@ from carstage.report.drawing import (
 from carstage.report.film import MOST_FRAMES, film
 from carstage.report.fleet import fleet_section
 from carstage.report.lane_lines import lane_lines_section
+from carstage.report.messages import messages_section
 from carstage.report.occupancy import occupancy_section
 from carstage.sensor_kinds.columns import Detection
 from carstage.sensor_kinds.model import CAMERAS, CLOUDS, COLOUR, DETECTIONS, ROWS
@@ -83,7 +84,8 @@ def episode_section(pictures: EpisodePictures, *, films: bool = False) -> str:
         )
     parts += [lane_lines_section(episode, middle), birds_eye_section(episode, middle)]
     parts += [occupancy_section(episode, middle)]
-    parts += [_events(episode), _rig(episode), fleet_section(episode), _ledger(episode)]
+    parts += [_events(episode), _rig(episode), fleet_section(episode)]
+    parts += [messages_section(episode), _ledger(episode)]
     return "\n".join(parts)
 
 

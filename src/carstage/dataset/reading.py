@@ -449,7 +449,10 @@ class Episode:
     @property
     def tables(self) -> EpisodeTables:
         """Where its tables are, for queries in SQL."""
-        return EpisodeTables(self.folder, self.marker.versions.get("carstage"))
+        # Of the marker, so that no document is read.
+        agents = {file.path.split("/")[1]: None for file in self.marker.files
+                  if file.path.startswith(f"{AGENTS}/")}  # fmt: skip
+        return EpisodeTables(self.folder, self.marker.versions.get("carstage"), tuple(agents))
 
     def iter_frames(self) -> Iterator[Frame]:
         """The frames one after the other; sensors are read when they are asked for.
@@ -614,7 +617,8 @@ class Dataset:
 
         Args:
             query: DuckDB's SQL over ``objects``, ``camera_objects``, ``ego``, ``sensor_poses`` and
-                ``frames``, such as ``SELECT class, count(*) FROM objects GROUP BY class``.
+                ``frames``, such as ``SELECT class, count(*) FROM objects GROUP BY class``. Those of
+                agents are ``agent_objects`` and so on, with the column ``agent``.
 
         Raises:
             BadInputError: DuckDB is not installed, or refuses the query.

@@ -126,7 +126,7 @@ def _agents_views(pictures: EpisodePictures) -> str:
         for sensor in labelled[:SHOWCASE_CAMERAS]:
             title = f"{view.agent_name}, {sensor.id} with 3D boxes, "
             shown.append(own.boxes_3d(sensor, own.fullest_frames(sensor, 1), title))
-    return f'<div class="grid">{"".join(shown)}</div>' if any(shown) else ""
+    return f'<div class="grid below">{"".join(shown)}</div>' if any(shown) else ""
 
 
 def showcase(pictures: EpisodePictures) -> str:

@@ -151,6 +151,13 @@ def test_an_example_has_a_car_and_a_roadside_unit_beside_the_ego() -> None:
     assert "fleet.yaml" in (EXAMPLES / "README.md").read_text("utf-8")
 
 
+def test_an_example_has_radios_on_cars_and_at_the_roadside() -> None:
+    (spec,) = judge(load_config(EXAMPLES / "v2x.yaml"))
+    rigs = [spec.sensors, *(agent.sensors for agent in spec.agents)]
+    assert all("v2x" in [sensor.kind for sensor in rig] for rig in rigs)
+    assert "v2x.yaml" in (EXAMPLES / "README.md").read_text("utf-8")
+
+
 def test_an_example_has_a_flash_lidar_and_rotating_ones_by_their_data_sheets() -> None:
     plan = judge(load_config(EXAMPLES / "lidar_products.yaml"))
     found = {sensor.id: sensor for sensor in plan[0].sensors if sensor.kind != "rgb"}
@@ -247,5 +254,6 @@ def test_every_example_configuration_is_tested() -> None:
         "own_driver.yaml",
         "scenic.yaml",
         "sweep_lidar.yaml",
+        "v2x.yaml",
         "variants.yaml",
     ]

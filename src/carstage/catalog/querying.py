@@ -10,7 +10,14 @@ from carstage.catalog.address import location_of
 from carstage.catalog.filters import EVERYTHING, PageFilter
 from carstage.catalog.listing import wanted_episodes
 from carstage.dataset import Dataset
-from carstage.dataset.querying import Answer, EpisodeTables, RangeFiles, query_episodes
+from carstage.dataset.querying import (
+    AGENT_TABLES,
+    Answer,
+    EpisodeTables,
+    RangeFiles,
+    named_tables,
+    query_episodes,
+)
 from carstage.errors import BadInputError
 
 if TYPE_CHECKING:
@@ -46,6 +53,10 @@ def query_labels(
     found = wanted_episodes(catalog, location_of(dataset.path, catalog.address), wanted)
     if not found:
         raise BadInputError("No episode is like that.", "See: carstage catalog list DATASET.")
+    if any(name in AGENT_TABLES for name in named_tables(query)):
+        # Which agents there are stands in the markers.
+        tables = [dataset.episode(name).tables for name, _, _ in found]
+        return query_episodes(tables, query, files=files)
     folder = dataset.path / "episodes"
     tables = [EpisodeTables(folder / name / attempt, version) for name, attempt, version in found]
     return query_episodes(tables, query, files=files)

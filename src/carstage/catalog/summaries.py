@@ -63,17 +63,23 @@ def rows_of(episode: Episode) -> EpisodeRows:
         },
         tuple(
             {
-                "sensor_id": sensor.id,
+                "sensor_id": _whose(view) + sensor.id,
                 "kind": sensor.kind,
                 "width": sensor.width,
                 "height": sensor.height,
                 "labelled": sensor.labelled,
             }
-            for sensor in episode.calibration.sensors.values()
+            for view in episode.views
+            for sensor in view.calibration.sensors.values()
         ),
         tuple(artifacts_of(marker)),
         tuple(_label_summaries(episode)),
     )
+
+
+def _whose(view: Episode) -> str:
+    """What stands before ids of an agent's sensors."""
+    return "" if view.agent_name is None else f"{view.agent_name}."
 
 
 def hash_of_marker(marker: CommitMarker) -> str:

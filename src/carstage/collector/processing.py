@@ -6,6 +6,7 @@ thread joins what comes by frame and hands it to the writers.
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from queue import Empty, SimpleQueue
@@ -26,6 +27,8 @@ from carstage.collector.internals.stopping import StopRequest
 from carstage.collector.internals.writing import LogWriters, Write
 from carstage.collector.sensors.base import Sensor
 from carstage.rawlog.format import KIND_DATA, KIND_TABLE, LEDGER, WORLD
+
+_log = logging.getLogger(__name__)
 
 POLL_S = 0.1
 _OVERRUN = "came while too much waited for the disk"
@@ -161,6 +164,7 @@ class Pipeline:
         self._clock_s = clock_s
         self._inbox: SimpleQueue[Any] = SimpleQueue()
         self._state = threading.Condition()
+        self._sparse = tuple(name for name, sensor in sensors.items() if sensor.kind.is_sparse)
         self._newest: Dict[str, int] = dict.fromkeys(sensors, -1)
         self._written_ticks = 0
         self._booked_ticks = 0
@@ -310,10 +314,17 @@ class Pipeline:
         self.check()
 
     def wait_delivered(self, frame: int, timeout_s: float) -> Tuple[str, ...]:
-        """Wait until every sensor delivered ``frame`` or a later one; return those that did not."""
+        """Wait until every sensor delivered ``frame`` or a later one; return those that did not.
+
+        Sensors that may have nothing to deliver are not waited for.
+        """
 
         def lacking() -> Tuple[str, ...]:
-            return tuple(name for name, newest in self._newest.items() if newest < frame)
+            return tuple(
+                name
+                for name, newest in self._newest.items()
+                if newest < frame and name not in self._sparse
+            )
 
         with self._state:
             self._state.wait_for(lambda: bool(not lacking() or self._failures), timeout_s)
@@ -383,6 +394,8 @@ class Pipeline:
             self._write_frame(frame)
         for row in matcher.take_rows():
             self._write_row(row)
+        for sensor, number in matcher.take_too_late():
+            self._miss_late(sensor, number)
         for datum in matcher.take_dropped():
             if not isinstance(datum, LostData):
                 self._budget.give_back(datum.size_bytes)
@@ -420,10 +433,23 @@ class Pipeline:
             self._writers.write(
                 Write(sensor, KIND_DATA, *at, _content(encode, datum.data), datum.size_bytes)
             )
+        for sensor in self._sparse:
+            if expected.k is not None and expected.seen and sensor not in frame.data:
+                self._writers.write(Write(sensor, KIND_DATA, *at, _nothing, 0))
         if self._ends_segment(expected.tick):
             self._writers.seal([*self._sensors, WORLD], expected.tick)
         self._written_ticks += 1
         self._give_up_on_dead_sensors(expected)
+
+    def _miss_late(self, sensor: str, frame: int) -> None:
+        """Data came for a frame that was written as empty."""
+        text = "%s: data of frame %d came after the frame was written without them" % (
+            sensor,
+            frame,
+        )
+        if self._strict:
+            raise RecordingError(text + ".", "The machine is too busy; a retry starts anew.")
+        _log.warning(text)
 
     def _give_up_on_dead_sensors(self, expected: ExpectedFrame) -> None:
         if not self._strict:
@@ -452,6 +478,10 @@ class Pipeline:
         with self._state:
             self._booked_ticks += 1
             self._state.notify_all()
+
+
+def _nothing() -> Any:
+    return {}, b""
 
 
 def _content(encode: Callable[[Any], Any], data: Any) -> Callable[[], Any]:

@@ -12,7 +12,9 @@ from carstage.config.fields import Section, problem, setting, shortened
 from carstage.config.rig import Rig
 from carstage.config.scene import FROM_FILES, Channel, Stand
 from carstage.config.sensors import INSTANCE_SUFFIX, LONGEST_STREAM_NAME, Pose
+from carstage.config.servers import EmbeddedServerConfig
 from carstage.config.timing import Timing
+from carstage.sensor_kinds.model import MESSAGES
 from carstage.spec import MOST_AGENTS, is_agent_name
 from carstage.spec.agents import AGENT_KINDS, VEHICLE
 
@@ -136,6 +138,18 @@ def check_agents(config: Config) -> None:
     for position, agent in enumerate(config.agents):
         if isinstance(agent, VehicleAgent):
             _check_agent_driver(agent.driver, config.timing, position)
+        elif not isinstance(config.server, EmbeddedServerConfig):
+            _check_roadside_radios(agent, position)
+
+
+def _check_roadside_radios(agent: RoadsideAgent, position: int) -> None:
+    for number, sensor in enumerate(agent.rig.sensors):
+        if sensor.row.content == MESSAGES:
+            raise problem(
+                "CARLA 0.9.16 ends where a V2X sensor rides on anything but a vehicle.",
+                "Leave the sensor out, or use the embedded simulator.",
+                "agents", position, "rig", "sensors", number, "kind",
+            )  # fmt: skip
 
 
 def _check_agent_names(names: Sequence[str]) -> None:

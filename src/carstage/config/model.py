@@ -8,7 +8,7 @@ from typing import Any, Literal
 from pydantic import model_validator
 
 from carstage.config.agents import Agents, RoadsideAgent, VehicleAgent, check_agents
-from carstage.config.attributes import ImageSize, SweepAttributes
+from carstage.config.attributes import ImageSize, SensorAttributes, SweepAttributes
 from carstage.config.campaign import Campaign, Condition
 from carstage.config.conversion import Conversion
 from carstage.config.drivers import Driver, check_driver
@@ -36,12 +36,13 @@ from carstage.config.variants import VariantsByName, check_variants, has_wet_gri
 from carstage.config.weather import DEFAULT_PRESET, WeatherConfig
 from carstage.errors import BadInputError
 from carstage.releases import refusal
-from carstage.sensor_kinds.model import COLOUR, POINTS, TAGGED_POINTS
+from carstage.sensor_kinds.model import COLOUR, MESSAGES, POINTS, TAGGED_POINTS
 from carstage.spec import SavedSteps
 from carstage.spec.defaults import MAX_DISTANCE_M, MIN_LIDAR_POINTS
 from carstage.spec.sensors import EGO, SPRING_ARMS
 
 _SLACK = 1e-9
+_GEN_CAM_MIN_S, _GEN_CAM_MAX_S = 0.1, 1.0
 
 
 class Config(Section):
@@ -371,6 +372,15 @@ class Config(Section):
             if reason:
                 hint = "Leave the sensor out, or choose a later server.carla_version."
                 raise problem(f"{reason}.", hint, *path, "kind")
+        elif sensor.row.content == MESSAGES and sensor.attach_to != EGO:
+            raise problem(
+                "CARLA 0.9.16 ends where a V2X sensor rides on anything but a vehicle.",
+                "Leave attach_to out, or use the embedded simulator.",
+                *path,
+                "attach_to",
+            )
+        if sensor.row.content == MESSAGES:
+            _check_intervals(path, attributes)
         if isinstance(attributes, SweepAttributes):
             turns = attributes.rotation_hz(self.fps) / self.fps
             if turns > 1.0 + _SLACK:
@@ -546,3 +556,19 @@ def _check_names(field: str, names: Literal["all"] | tuple[str, ...], known: set
         if name not in known:
             message, hint = unknown(field.removesuffix("s"), name, known)
             raise problem(message, hint, "labels", field, position)
+
+
+def _check_intervals(path: tuple[str | int, ...], attributes: SensorAttributes) -> None:
+    """The intervals at which a V2X sensor sends; what is left out is CARLA's default."""
+    shortest_s = getattr(attributes, "gen_cam_min_s", None)
+    longest_s = getattr(attributes, "gen_cam_max_s", None)
+    shortest_s = _GEN_CAM_MIN_S if shortest_s is None else shortest_s
+    longest_s = _GEN_CAM_MAX_S if longest_s is None else longest_s
+    if shortest_s > longest_s:
+        raise problem(
+            f"{shortest_s:g} s is above the longest interval, {longest_s:g} s.",
+            "Give a gen_cam_min_s up to gen_cam_max_s.",
+            *path,
+            "attributes",
+            "gen_cam_min_s",
+        )

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import pyarrow as pa
 
 from carstage.errors import BadInputError, DatasetError
+from carstage.storage.names import AGENTS, agent_folder
 from carstage.storage.remote_path import RemotePath
 
 if TYPE_CHECKING:
@@ -24,6 +25,8 @@ TABLES = {
     "frames": "frames.parquet",
 }
 """Names in queries, with the file of each episode that they stand for."""
+AGENT_TABLES = {f"agent_{name}": name for name in TABLES}
+"""Names of the same tables of agents beside the ego, of all agents together."""
 
 _OWN_EPISODE_ID = frozenset({"objects", "ego"})
 """Tables whose files have the column already."""
@@ -57,10 +60,19 @@ class EpisodeTables:
     Attributes:
         folder: the episode's; a path, or what stands for one in a store.
         version: of the Car-STAGE that wrote them; None: unknown.
+        agents: names of the agents beside the ego, whose tables lie below the folder.
     """
 
     folder: Any
     version: str | None
+    agents: tuple[str, ...] = ()
+
+    def paths(self, name: str) -> list[Any]:
+        """The files of a table: one, or of an agents' table one for each agent."""
+        if name in TABLES:
+            return [self.folder / TABLES[name]]
+        file = TABLES[AGENT_TABLES[name]]
+        return [self.folder / agent_folder(agent) / file for agent in self.agents]
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,13 +96,14 @@ def query_episodes(
 ) -> Answer:
     """The answer to a query over the tables of episodes.
 
-    Each table has the rows of all episodes, and the column ``episode_id``. DuckDB reads of the
+    Each table has the rows of all episodes, and the column ``episode_id``. The tables of agents,
+    such as ``agent_objects``, have the column ``agent``, too. DuckDB reads of the
     files what the query needs: tables and columns that it names, files of the episodes that a
     condition on ``episode_id`` leaves, and of those the row groups that its other conditions leave.
 
     Args:
         episodes: committed ones, one at least.
-        query: DuckDB's SQL; tables are those of ``TABLES``.
+        query: DuckDB's SQL; tables are those of ``TABLES`` and ``AGENT_TABLES``.
         files: reads the episodes' files; None: they are on this machine, or in the object store
             that their paths name.
 
@@ -107,7 +120,14 @@ def query_episodes(
         ) from error
     if not episodes:
         raise BadInputError("The dataset has no episode to query.", "Record one: carstage run.")
-    named = [name for name in TABLES if re.search(rf"\b{name}\b", query, re.IGNORECASE)]
+    named = named_tables(query)
+    paths = {name: [path for one in episodes for path in one.paths(name)] for name in named}
+    for name in named:
+        if not paths[name]:
+            raise BadInputError(
+                f"No episode has agents, so there is no table {name}.",
+                f"Ask {AGENT_TABLES[name]}, or record a fleet: docs/how-to/record-a-fleet.md.",
+            )
     if files is None and isinstance(episodes[0].folder, RemotePath):
         files = _RemoteRanges(episodes[0].folder)
     with duckdb.connect() as connection:
@@ -115,7 +135,7 @@ def query_episodes(
         before = meter.bytes_read()
         try:
             for name in named:
-                rows = _rows_of(name, episodes, meter.prefix)
+                rows = _rows_of(name, paths[name], episodes, meter.prefix)
                 connection.execute(f"CREATE VIEW {name} AS {rows}")
         except duckdb.Error as error:
             raise DatasetError(f"A table of the dataset cannot be read: {error}") from error
@@ -131,29 +151,39 @@ def query_episodes(
             if broken and ".parquet" in str(error):
                 raise DatasetError(f"A table of the dataset cannot be read: {error}") from error
             raise BadInputError(
-                f"DuckDB refuses the query: {error}", f"Tables: {', '.join(TABLES)}."
+                f"DuckDB refuses the query: {error}",
+                f"Tables: {', '.join(TABLES)}; of agents the same with agent_ before them.",
             ) from error
         after = meter.bytes_read()
     read = None if before is None or after is None else after - before
-    return Answer(table, read, len(named) * len(episodes))
+    return Answer(table, read, sum(len(files_of) for files_of in paths.values()))
 
 
-def _rows_of(name: str, episodes: Iterable[EpisodeTables], prefix: str) -> str:
+def named_tables(query: str) -> list[str]:
+    """The tables that a query names, agents' ones too."""
+    return [
+        name for name in (*TABLES, *AGENT_TABLES) if re.search(rf"\b{name}\b", query, re.IGNORECASE)
+    ]
+
+
+def _rows_of(
+    name: str, paths: Iterable[Any], episodes: Iterable[EpisodeTables], prefix: str
+) -> str:
     """The rows of one table in all episodes.
 
     The id is always taken from the file's name, so that DuckDB knows it without opening the file.
     """
-    paths, versions = [], set()
-    for episode in episodes:
-        versions.add(episode.version)
-        path = f"{prefix}{episode.folder / TABLES[name]}"
-        paths.append("'" + path.replace("'", "''") + "'")
+    kind = AGENT_TABLES.get(name, name)
+    quoted = ["'" + f"{prefix}{path}".replace("'", "''") + "'" for path in paths]
     # Tables of one version have the same columns. Comparing them opens every file.
-    by_name = len(versions) > 1 or name in _RIG_COLUMNS
-    source = f"read_parquet([{', '.join(paths)}], filename = true, union_by_name = {by_name})"
-    episode_id = "regexp_extract(filename, 'episodes/([^/]+)/[^/]+/[^/]+$', 1)"
-    own = ", episode_id" if name in _OWN_EPISODE_ID else ""
-    return f"SELECT {episode_id} AS episode_id, * EXCLUDE (filename{own}) FROM {source}"
+    by_name = len({episode.version for episode in episodes}) > 1 or kind in _RIG_COLUMNS
+    source = f"read_parquet([{', '.join(quoted)}], filename = true, union_by_name = {by_name})"
+    place = rf"episodes/([^/]+)/[^/]+/(?:{AGENTS}/([^/]+)/)?[^/]+$"
+    columns = [f"regexp_extract(filename, '{place}', 1) AS episode_id"]
+    if name in AGENT_TABLES:
+        columns.append(f"regexp_extract(filename, '{place}', 2) AS agent")
+    own = ", episode_id" if kind in _OWN_EPISODE_ID else ""
+    return f"SELECT {', '.join(columns)}, * EXCLUDE (filename{own}) FROM {source}"
 
 
 class _RemoteRanges:

@@ -16,6 +16,7 @@ from carstage.codecs import codec_for
 from carstage.dataset.calibration import Calibration, SensorCalibration, calibration_of
 from carstage.dataset.documents import read_document
 from carstage.dataset.maps import map_path, read_map, read_vector_map, vector_map_table
+from carstage.dataset.messages import message_table
 from carstage.dataset.querying import EpisodeTables, query_episodes
 from carstage.dataset.saved_frames import Damage, EpisodeFrames, Frame
 from carstage.dataset.splits import Split, StoredSplits, read_splits
@@ -110,7 +111,8 @@ class Sensor:
             ``flow`` ``(H, W, 2)`` float32 pixels right and down since the step before;
             ``normals`` ``(H, W, 3)`` uint8; ``lidar`` ``(N, 4)`` float32 x, y, z, intensity;
             ``semantic_lidar`` ``(N,)`` of ``SEMANTIC_POINT``; ``radar`` ``(N, 4)`` float32,
-            ``imu`` ``(7,)`` and ``gnss`` ``(3,)`` float64 in the order of their columns.
+            ``imu`` ``(7,)``, ``gnss`` ``(3,)`` and ``v2x`` ``(N, 15)`` float64 in the order of
+            their columns.
 
         Raises:
             DatasetError: the frame is missing or damaged.
@@ -433,6 +435,13 @@ class Episode:
             return None
         return read_table(self.folder / "lane_lines.parquet")
 
+    def messages(self) -> pa.Table | None:
+        """The V2X messages that were received, a row each; ``None`` without a V2X sensor.
+
+        See :func:`carstage.dataset.messages.message_table` for the columns.
+        """
+        return message_table(self.sensors)
+
     def ledger(self) -> pa.Table:
         """``frames.parquet``: one row per tick."""
         return read_table(self.folder / "frames.parquet")
@@ -440,7 +449,10 @@ class Episode:
     @property
     def tables(self) -> EpisodeTables:
         """Where its tables are, for queries in SQL."""
-        return EpisodeTables(self.folder, self.marker.versions.get("carstage"))
+        # Of the marker, so that no document is read.
+        agents = {file.path.split("/")[1]: None for file in self.marker.files
+                  if file.path.startswith(f"{AGENTS}/")}  # fmt: skip
+        return EpisodeTables(self.folder, self.marker.versions.get("carstage"), tuple(agents))
 
     def iter_frames(self) -> Iterator[Frame]:
         """The frames one after the other; sensors are read when they are asked for.
@@ -605,7 +617,8 @@ class Dataset:
 
         Args:
             query: DuckDB's SQL over ``objects``, ``camera_objects``, ``ego``, ``sensor_poses`` and
-                ``frames``, such as ``SELECT class, count(*) FROM objects GROUP BY class``.
+                ``frames``, such as ``SELECT class, count(*) FROM objects GROUP BY class``. Those of
+                agents are ``agent_objects`` and so on, with the column ``agent``.
 
         Raises:
             BadInputError: DuckDB is not installed, or refuses the query.

@@ -20,7 +20,7 @@ from carstage.errors import DatasetError, StorageError
 from carstage.files.bounded import open_regular
 from carstage.files.whole import whole_file
 from carstage.sensor_kinds import known_kind
-from carstage.sensor_kinds.model import DETECTIONS
+from carstage.sensor_kinds.model import DETECTIONS, MESSAGES, READING
 from carstage.storage.remote_path import DatasetPath
 
 _COMPRESSION: Literal["zstd"] = "zstd"
@@ -104,14 +104,50 @@ class DetectionSensor(RowSensor):
         return np.frombuffer(payload, "<f4").reshape(-1, len(self.columns)).T
 
 
+@dataclass(frozen=True, slots=True)
+class MessageSensor(RowSensor):
+    """A sensor whose frame is any number of messages: each column is a list, an entry for each.
+
+    The columns stand in the order of the record's float64. What a message does not say is NaN.
+    """
+
+    def row(self, k: int, timestamp_s: float, payload: memoryview) -> dict[str, Any]:
+        """One row of the table from a record's payload.
+
+        Raises:
+            ValueError: it is no whole number of messages.
+        """
+        values = self._values(payload)
+        columns = {name: values[i].tolist() for i, (name, _) in enumerate(self.columns)}
+        return {"k": k, "timestamp_s": timestamp_s, **columns}
+
+    def array(self, row: Mapping[str, Any]) -> NDArray[Any]:
+        """``(N, columns)`` float64."""
+        return np.array([row[name] for name, _ in self.columns], np.float64).T
+
+    def _type(self, count: int) -> pa.DataType:
+        return pa.list_(pa.field("element", pa.float64(), nullable=False))
+
+    def _values(self, payload: memoryview) -> NDArray[Any]:
+        if len(payload) % (8 * len(self.columns)):
+            raise ValueError(f"{len(payload)} bytes are no whole number of messages")
+        return np.frombuffer(payload, "<f8").reshape(-1, len(self.columns)).T
+
+
+_BY_CONTENT: Mapping[str, type[RowSensor]] = {
+    READING: RowSensor,
+    DETECTIONS: DetectionSensor,
+    MESSAGES: MessageSensor,
+}
+
+
 @cache
 def row_sensor(kind: str) -> RowSensor | None:
     """The table of a kind that becomes one, ``sensors/<id>.parquet``; None for other kinds."""
     row = known_kind(kind)
     if row is None or not row.has_rows:
         return None
-    made = DetectionSensor if row.content == DETECTIONS else RowSensor
-    return made(tuple((column.name, column.count) for column in row.columns))
+    return _BY_CONTENT[row.content](tuple((column.name, column.count) for column in row.columns))
 
 
 def vector(length: int, *, nullable: bool = False) -> pa.DataType:

@@ -32,6 +32,7 @@ from carstage.report.drawing import (
 from carstage.report.film import MOST_FRAMES, film
 from carstage.report.fleet import fleet_section
 from carstage.report.lane_lines import lane_lines_section
+from carstage.report.messages import messages_section
 from carstage.report.occupancy import occupancy_section
 from carstage.sensor_kinds.columns import Detection
 from carstage.sensor_kinds.model import CAMERAS, CLOUDS, COLOUR, DETECTIONS, ROWS
@@ -83,7 +84,8 @@ def episode_section(pictures: EpisodePictures, *, films: bool = False) -> str:
         )
     parts += [lane_lines_section(episode, middle), birds_eye_section(episode, middle)]
     parts += [occupancy_section(episode, middle)]
-    parts += [_events(episode), _rig(episode), fleet_section(episode), _ledger(episode)]
+    parts += [_events(episode), _rig(episode), fleet_section(episode), _agents_views(pictures)]
+    parts += [messages_section(episode), _ledger(episode)]
     return "\n".join(parts)
 
 
@@ -111,6 +113,20 @@ def _events(episode: Episode) -> str:
         )
     head = ("event", "state", "when", "tracks", "nearest", "least time to collision", "collision")
     return "<h3>Events</h3>" + html.table(head, rows)
+
+
+def _agents_views(pictures: EpisodePictures) -> str:
+    """What labelled cameras of agents see where they see most; empty without any."""
+    shown = []
+    for view in pictures.episode.views[1:]:
+        labelled = [s for s in view.sensors if s.calibration.labelled and s.content == COLOUR]
+        if not labelled:
+            continue
+        own = pictures.of_agent(view)
+        for sensor in labelled[:SHOWCASE_CAMERAS]:
+            title = f"{view.agent_name}, {sensor.id} with 3D boxes, "
+            shown.append(own.boxes_3d(sensor, own.fullest_frames(sensor, 1), title))
+    return f'<div class="grid below">{"".join(shown)}</div>' if any(shown) else ""
 
 
 def showcase(pictures: EpisodePictures) -> str:
@@ -189,6 +205,7 @@ class EpisodePictures:
 
     def __init__(self, episode: Episode, description: Mapping[str, Any]) -> None:
         self.episode = episode
+        self._description = description
         self._kept: OrderedDict[tuple[str, int], NDArray[Any] | None] = OrderedDict()
         self._palette: dict[int, RgbColour] = {
             tag["value"]: tuple(tag["rgb"]) for tag in description["tags"]
@@ -205,6 +222,10 @@ class EpisodePictures:
         for row in tables.camera_objects.select(columns).to_pylist():
             if row["visible"]:
                 self._rows[row["k"], row["sensor_id"]].append(row)
+
+    def of_agent(self, view: Episode) -> EpisodePictures:
+        """Pictures of the episode as an agent's."""
+        return EpisodePictures(view, self._description)
 
     def classes(self) -> list[str]:
         """Classes that occur, the most frequent first."""

@@ -210,6 +210,50 @@ _GNSS: _Rows = (
         "Noise that is added; none by default.", "noise_alt_bias", unit="m"),
 )
 
+_V2X: _Rows = (
+    Attribute("transmit_power_dbm", "float", None, "Transmit power", "What it sends with.",
+        "transmit_power", unit="dBm"),
+    Attribute("receiver_sensitivity_dbm", "float", None, "Sensitivity",
+        "Weaker messages are not received.", "receiver_sensitivity", unit="dBm"),
+    Attribute("frequency_ghz", "float", None, "Frequency", "Of the carrier.", "frequency_ghz",
+        unit="GHz", gt=0),
+    Attribute("combined_antenna_gain_dbi", "float", None, "Antenna gain",
+        "Of sender and receiver together.", "combined_antenna_gain", unit="dBi"),
+    Attribute("scenario", "word", None, "Scenario", "Surroundings that the path loss is of.",
+        "scenario", words=("highway", "rural", "urban")),
+    Attribute("path_loss_model", "word", None, "Path loss model",
+        "WINNER+, or two rays and diffraction.", "path_loss_model", words=("winner", "geometric")),
+    Attribute("path_loss_exponent", "float", None, "Path loss exponent",
+        "Of the geometric model behind buildings.", "path_loss_exponent", gt=0),
+    Attribute("reference_distance_m", "float", None, "Reference distance",
+        "Of the geometric model behind buildings.", "d_ref", unit="m", gt=0),
+    Attribute("filter_distance_m", "float", None, "Filter distance",
+        "Nothing from farther away is received.", "filter_distance", unit="m", ge=0),
+    Attribute("use_etsi_fading", "bool", None, "ETSI fading",
+        "Shadow fading as the standard has it.", "use_etsi_fading"),
+    Attribute("custom_fading_stddev_db", "float", None, "Fading",
+        "Standard deviation of the fading without use_etsi_fading.", "custom_fading_stddev",
+        unit="dB", ge=0),
+    Attribute("gen_cam_min_s", "float", None, "Shortest interval",
+        "Between two messages that it sends.", "gen_cam_min", unit="s", gt=0),
+    Attribute("gen_cam_max_s", "float", None, "Longest interval",
+        "Between two messages that it sends.", "gen_cam_max", unit="s", gt=0),
+    Attribute("fixed_rate", "bool", None, "Fixed rate",
+        "It sends at the shortest interval, whatever changes.", "fixed_rate"),
+    Attribute("noise_lat_stddev", "float", None, "Latitude",
+        "Noise of what it sends; none by default.", "noise_lat_stddev", unit="deg", ge=0),
+    Attribute("noise_lon_stddev", "float", None, "Longitude",
+        "Noise of what it sends; none by default.", "noise_lon_stddev", unit="deg", ge=0),
+    Attribute("noise_alt_stddev", "float", None, "Altitude",
+        "Noise of what it sends; none by default.", "noise_alt_stddev", unit="m", ge=0),
+    Attribute("noise_head_stddev", "float", None, "Heading",
+        "Noise of what it sends; none by default.", "noise_head_stddev", unit="deg", ge=0),
+    Attribute("noise_vel_stddev", "float", None, "Speed",
+        "Noise of what it sends; none by default.", "noise_vel_stddev_x", unit="m/s", ge=0),
+    Attribute("noise_yawrate_stddev", "float", None, "Yaw rate",
+        "Noise of what it sends; none by default.", "noise_yawrate_stddev", unit="rad/s", ge=0),
+)
+
 # fmt: on
 
 CAMERA = AttributeSet(
@@ -250,3 +294,8 @@ RADAR = AttributeSet(
 )
 IMU = AttributeSet("ImuAttributes", "An inertial measurement unit's: its noise.", _IMU)
 GNSS = AttributeSet("GnssAttributes", "A satellite receiver's: its noise.", _GNSS)
+V2X = AttributeSet(
+    "V2xAttributes",
+    "A V2X station's: radio, how often it sends, the noise of what it says of itself.",
+    _V2X,
+)

@@ -18,6 +18,7 @@ from carstage.sensor_kinds.attributes import (
     LIDAR,
     RADAR,
     SEMANTIC_LIDAR,
+    V2X,
 )
 from carstage.sensor_kinds.model import (
     COLOUR,
@@ -25,6 +26,7 @@ from carstage.sensor_kinds.model import (
     DETECTIONS,
     FLOW,
     INSTANCES,
+    MESSAGES,
     NORMALS,
     POINTS,
     READING,
@@ -255,6 +257,38 @@ BUILT_IN = (
         columns=tuple(
             Column(name, "<f8") for name in ("latitude_deg", "longitude_deg", "altitude_m")
         ),
+    ),
+    SensorKind(
+        name="v2x",
+        blueprint="sensor.other.v2x",
+        content=MESSAGES,
+        title="V2X",
+        short="V2X",
+        description="Vehicle-to-everything radio.",
+        summary="A radio that sends cooperative awareness messages and records those of others.",
+        attributes=V2X,
+        collector="carstage.collector.sensors.radio:V2x",
+        columns=tuple(
+            Column(name, "<f8")
+            for name in (
+                "station_id",
+                "station_type",
+                "generation_delta_time_ms",
+                "latitude_deg",
+                "longitude_deg",
+                "heading_deg",
+                "speed_m_s",
+                "drive_direction",
+                "length_m",
+                "width_m",
+                "acceleration_x_m_s2",
+                "acceleration_y_m_s2",
+                "acceleration_z_m_s2",
+                "yaw_rate_deg_s",
+                "power_dbm",
+            )
+        ),
+        since=Release(0, 9, 16),
     ),
 )
 

@@ -30,6 +30,26 @@ class Point(IntEnum):
     INTENSITY = 3
 
 
+class Message(IntEnum):
+    """Columns of a received V2X message."""
+
+    STATION_ID = 0
+    STATION_TYPE = 1
+    GENERATION_DELTA_TIME = 2
+    LATITUDE = 3
+    LONGITUDE = 4
+    HEADING = 5
+    SPEED = 6
+    DRIVE_DIRECTION = 7
+    LENGTH = 8
+    WIDTH = 9
+    ACCELERATION_X = 10
+    ACCELERATION_Y = 11
+    ACCELERATION_Z = 12
+    YAW_RATE = 13
+    POWER = 14
+
+
 class Detection(IntEnum):
     """Columns of a radar's raw detections."""
 

@@ -20,6 +20,8 @@ POINTS = "points"
 TAGGED_POINTS = "tagged points"
 DETECTIONS = "detections"
 READING = "reading"
+MESSAGES = "messages"
+"""Of a kind that delivers only when it received something: any number of messages."""
 VOXELS = "voxels"
 """Of a kind that labels alone use: occupied voxels, each as a tagged point."""
 
@@ -27,10 +29,10 @@ CAMERAS = (COLOUR, DEPTH, TAGS, INSTANCES, FLOW, NORMALS)
 """Contents that are pictures."""
 CLOUDS = (POINTS, TAGGED_POINTS)
 """Contents that are point clouds, one file per frame."""
-ROWS = (DETECTIONS, READING)
+ROWS = (DETECTIONS, READING, MESSAGES)
 """Contents that are rows of one Parquet file per episode."""
 
-_VIEWERS = {DETECTIONS: "radar", READING: "none", VOXELS: "none"}
+_VIEWERS = {DETECTIONS: "radar", READING: "none", MESSAGES: "none", VOXELS: "none"}
 _SIZES = {"|u1": 1, "<f4": 4, "<u4": 4, "<f8": 8}
 
 
@@ -113,7 +115,8 @@ class SensorKind:
         twins: kinds that a labelled sensor of this kind needs at its pose; none: no labels.
         since: CARLA's first release that has it.
         modality: what it measures with: ``camera``, ``truth`` (a camera that shows no colours),
-            ``lidar``, ``radar`` or ``inertial``; the interface groups and colours sensors by it.
+            ``lidar``, ``radar`` or ``inertial`` (radios, too); the interface groups and colours
+            sensors by it.
         icon: how it is drawn: ``camera``, ``lidar``, ``radar`` or ``box``.
         field_of_view: ``pyramid``, ``cone``, ``sweep`` or ``none``.
         plugin: of a kind from elsewhere, the module whose import registers this row; collectors
@@ -151,6 +154,11 @@ class SensorKind:
     def has_rows(self) -> bool:
         """Whether frames become rows of one table per episode."""
         return self.content in ROWS
+
+    @property
+    def is_sparse(self) -> bool:
+        """Whether it may deliver nothing in a tick, which is no fault and an empty frame."""
+        return self.content == MESSAGES
 
     @property
     def viewer(self) -> str:

@@ -16,6 +16,7 @@ from carstage.validation.checks.episode import EpisodeChecks, Figures
 from carstage.validation.checks.findings import Findings, Problem, Severity
 from carstage.validation.checks.fleet import check_fleet
 from carstage.validation.checks.maps import MapChecks
+from carstage.validation.checks.messages import check_messages
 from carstage.validation.checks.pictures import check_repeated_episodes
 from carstage.validation.checks.population import check_population
 from carstage.validation.checks.splits import check_splits
@@ -136,6 +137,7 @@ def validate_dataset(
         findings = Findings(episode.id)
         everything.append(findings)
         check_fleet(episode, findings)
+        check_messages(episode, findings)
     for variants in _variants(dataset):
         findings = Findings(next(iter(variants.episodes.values())).id)
         everything.append(findings)

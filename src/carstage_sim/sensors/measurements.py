@@ -199,6 +199,17 @@ class ObstacleFrame:
     distance_m: float
 
 
+@dataclass(frozen=True, slots=True)
+class V2xFrame:
+    """What a V2X sensor received in a tick.
+
+    Attributes:
+        messages: ``(N,)`` of :data:`carstage_sim.sensors.cam.CAM_DATA` or ``CUSTOM_DATA``.
+    """
+
+    messages: NDArray[np.void]
+
+
 SensorFrame = (
     ImageFrame
     | FlowFrame
@@ -210,4 +221,5 @@ SensorFrame = (
     | GnssFrame
     | CollisionFrame
     | ObstacleFrame
+    | V2xFrame
 )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.labels import CityObjectLabel
-from carstage_sim.render.cast import STATIC
+from carstage_sim.render.cast import NOTHING, STATIC
 from carstage_sim.render.caster import Hits, RayCaster, picture_packets
 from carstage_sim.render.film import Film
 from carstage_sim.render.gpu.camera import GpuCameras, Pending, Product, Shot
@@ -222,6 +222,34 @@ class View:
             high=high_m,
             skip_row=skip_row,
         )
+
+    def are_obstructed(
+        self,
+        starts: NDArray[np.float64],
+        end: NDArray[np.float64],
+        through: frozenset[int],
+    ) -> NDArray[np.bool_]:
+        """Whether anything stands between places and another one.
+
+        Args:
+            starts: ``(N, 3)`` world metres.
+            end: ``(3,)`` world metres.
+            through: ids of the actors that count for nothing.
+
+        Returns:
+            ``(N,)``.
+        """
+        self._count_cast()
+        along = end - starts
+        length = np.sqrt((along**2).sum(axis=1))
+        hits = self._caster.cast(
+            self.frame.without(through).scene,
+            starts,
+            (along / np.maximum(length, NEAR_M)[:, None]).astype(np.float32),
+            low=0.0,
+            high=float(length.max()),
+        )
+        return np.asarray((hits.row != NOTHING) & (hits.t < length))
 
     def camera(self, camera: Camera) -> Hits:
         """Hits of a camera's pixels, row by row; cast once per tick and camera."""

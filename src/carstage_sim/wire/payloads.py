@@ -21,6 +21,7 @@ from carstage_sim.sensors.measurements import (
     RadarFrame,
     SemanticLidarFrame,
     SensorFrame,
+    V2xFrame,
 )
 from carstage_sim.world.pose import Pose
 
@@ -131,6 +132,11 @@ def _collision(frame: CollisionFrame, describe: Describe) -> Sequence[Buffer]:
 def _obstacle(frame: ObstacleFrame, describe: Describe) -> Sequence[Buffer]:
     other = describe(frame.other_id, frame.label)
     return [_packed([describe(frame.actor_id, 0), other, frame.distance_m])]
+
+
+@_encodes(V2xFrame)
+def _v2x(frame: V2xFrame) -> Sequence[Buffer]:
+    return [np.ascontiguousarray(frame.messages).view(np.uint8).data]
 
 
 def _packed(value: list[Any]) -> bytes:

@@ -98,6 +98,7 @@ def freeze(world: World, sites: SiteColumns, delta_s: float) -> Snapshot:
         doors=_open_doors(world),
         town_changes=world.town_changes(),
         debug_shapes=world.debug_drawing.frame,
+        transmissions=world.v2x.transmissions,
     )
     return Snapshot(
         episode_id=world.episode_id,

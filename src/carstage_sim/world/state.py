@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from carstage_sim.content.posing import Pose as Joints
 from carstage_sim.world.debug_shapes import DebugShapes
 from carstage_sim.world.town_changes import TownChanges
+from carstage_sim.world.transmissions import Transmission
 
 
 class ActorKind(IntEnum):
@@ -96,6 +97,7 @@ class WorldState:
         town_changes: what clients changed about the town, None for nothing and all lamps off.
         debug_shapes: what clients drew, None for nothing.
         figures: joints of the walkers that clients pose, by actor id.
+        transmissions: what V2X sensors send in this frame, by ascending sensor ids.
     """
 
     frame: int
@@ -119,3 +121,4 @@ class WorldState:
     town_changes: TownChanges | None = None
     debug_shapes: DebugShapes | None = None
     figures: Mapping[int, Joints] = field(default_factory=dict)
+    transmissions: tuple[Transmission, ...] = ()

@@ -51,6 +51,7 @@ from carstage_sim.world.state import ActorKind, Collision, Weather
 from carstage_sim.world.street_lights import StreetLights
 from carstage_sim.world.town_changes import TownChangeTracker
 from carstage_sim.world.town_objects import TownObjects
+from carstage_sim.world.v2x import V2xStations
 from carstage_sim.world.vehicles.ackermann import AckermannController
 from carstage_sim.world.vehicles.fleet import VehicleFleet
 from carstage_sim.world.vehicles.parameters import VehicleParameters
@@ -88,6 +89,7 @@ class World:
         objects: what clients changed about the town's own objects.
         debug_drawing: what clients drew into the world.
         town_changes: gives what clients have changed about the town so far.
+        v2x: what V2X sensors send.
         stream_id: stream of this episode's snapshots.
         lanes, terrain: lookups of the map.
     """
@@ -129,6 +131,7 @@ class World:
         self.terrain: Terrain = neighbour.terrain if neighbour else terrain_of(town)
         self._mechanics = Mechanics(self.terrain, self.actors, self.objects)
         self.fleet: VehicleFleet = self._mechanics.fleet
+        self.v2x = V2xStations()
         self._attachments: Attachments | None = None
         self._arm_probe: ArmProbe | None = neighbour._arm_probe if neighbour else None
         self._dead: OrderedDict[int, Actor] = OrderedDict()
@@ -552,6 +555,7 @@ class World:
         self._control_traffic(delta_s)
         self.debug_drawing.step(self.elapsed_s)
         self.street_lights.step()
+        self.v2x.step(self.actors, self.frame, self.elapsed_s)
         return self.freeze(delta_s)
 
     def _release_pedals(self) -> None:

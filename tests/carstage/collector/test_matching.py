@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from carstage.collector.internals.matching import (
+    SPARSE_PATIENCE_S,
     ExpectedFrame,
     FrameMatcher,
     LedgerRow,
@@ -316,3 +317,86 @@ def test_data_of_an_own_timeline_that_come_too_late_are_still_told_apart() -> No
     frames.offer("a", 100, "a0", PATIENCE_S + 1.0)
     frames.advance(PATIENCE_S + 1.0)
     assert states(frames.take_rows()[0]) == {"a": "late"}
+
+
+def sparse_matcher(*sensors: str, gather: bool = False) -> FrameMatcher:
+    made = FrameMatcher(sensors or ("a", "s"), PATIENCE_S, gather=gather, sparse=["s"])
+    if not gather:
+        made.begin(99)
+    return made
+
+
+def test_a_sparse_sensor_without_data_is_ok_once_the_next_frame_is_whole() -> None:
+    frames = sparse_matcher()
+    for number in range(2):
+        frames.expect(tick(number), 0.1 * number)
+        frames.advance(0.1 * number)
+        frames.offer("a", 100 + number, number, 0.1 * number)
+        frames.advance(0.1 * number)
+    (joined,) = frames.take_joined()
+    assert joined.data == {"a": 0}
+    assert states(frames.take_rows()[0]) == {"a": "ok", "s": "ok"}
+    assert frames.misses == {"a": 0, "s": 0}
+
+
+def test_the_last_frame_is_closed_after_a_short_while() -> None:
+    frames = sparse_matcher()
+    frames.expect(tick(0), 0.0)
+    frames.offer("a", 100, "a0", 0.2)
+    frames.advance(0.2)
+    assert frames.next_deadline_s() == 0.2 + SPARSE_PATIENCE_S
+    frames.advance(0.2 + SPARSE_PATIENCE_S - 0.01)
+    assert frames.take_joined() == []
+    frames.advance(0.2 + SPARSE_PATIENCE_S)
+    assert len(frames.take_joined()) == 1
+    assert frames.idle
+
+
+def test_data_of_a_sparse_sensor_join_their_frame() -> None:
+    frames = sparse_matcher()
+    frames.expect(tick(0), 0.0)
+    frames.offer("a", 100, "a0", 0.0)
+    frames.offer("s", 100, "s0", 0.1)
+    frames.advance(0.1)
+    assert frames.take_joined()[0].data == {"a": "a0", "s": "s0"}
+
+
+def test_other_sensors_are_waited_for_as_without_a_sparse_one() -> None:
+    frames = sparse_matcher()
+    frames.expect(tick(0), 0.0)
+    frames.offer("s", 100, "s0", 0.0)
+    frames.advance(PATIENCE_S - 0.1)
+    assert frames.take_joined() == []
+    frames.advance(PATIENCE_S)
+    frames.advance(2 * PATIENCE_S)
+    assert states(frames.take_rows()[0]) == {"a": "missing", "s": "ok"}
+
+
+def test_sparse_data_of_a_frame_that_was_closed_as_empty_are_told() -> None:
+    frames = sparse_matcher()
+    frames.expect(tick(0), 0.0)
+    frames.offer("a", 100, "a0", 0.0)
+    frames.advance(0.0)
+    frames.advance(SPARSE_PATIENCE_S)
+    frames.offer("s", 100, "s0", 1.0)
+    assert frames.take_too_late() == [("s", 100)]
+    assert frames.take_dropped() == ["s0"]
+    assert frames.take_too_late() == []
+
+
+def test_a_recording_begins_without_a_sparse_sensor() -> None:
+    frames = sparse_matcher("a", "s", gather=True)
+    for number in range(3):
+        frames.offer("a", 100 + number, number, 0.0)
+    frames.offer("s", 102, "s2", 0.0)
+    assert frames.begin_with_all() == 99
+
+
+def test_sparse_sensors_alone_have_every_frame() -> None:
+    frames = sparse_matcher("s")
+    for number in range(2):
+        frames.expect(tick(number), 0.0)
+    frames.advance(0.0)
+    assert frames.take_joined() == []
+    frames.advance(SPARSE_PATIENCE_S)
+    assert [joined.data for joined in frames.take_joined()] == [{}, {}]

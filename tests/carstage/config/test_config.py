@@ -508,3 +508,28 @@ def test_sensor_that_the_chosen_version_lacks_is_refused_at_its_place() -> None:
     with pytest.raises(ConfigError, match=r"rig\.sensors\[0\]\.kind: .*0\.9\.13.*0\.9\.14"):
         parse_config(text % "0.9.13")
     assert parse_config(text % "0.9.14").sensors[0].kind == "normals"
+
+
+def test_v2x_sensors_need_a_late_server_and_there_a_vehicle() -> None:
+    text = (
+        "server: {kind: embedded, carla_version: '%s'}\n"
+        "rig: {sensors: [{id: V2X, kind: v2x, pose: {z: 2.0}}]}\n"
+    )
+    assert parse_config(text % "0.9.16").sensors[0].kind == "v2x"
+    with pytest.raises(ConfigError, match=r"rig.sensors\[0\].kind: .*0\.9\.16"):
+        parse_config(text % "0.9.15")
+    real = "server: {kind: remote, host: h, port: 2000}\n"
+    light = "{id: V2X, kind: v2x, attach_to: traffic.traffic_light}"
+    with pytest.raises(ConfigError, match=r"rig.sensors\[0\].attach_to: .* but a vehicle"):
+        parse_config(real + f"rig: {{sensors: [{light}]}}\n")
+    rig = "rig: {sensors: [{id: V2X, kind: v2x}]}"
+    mast = f"agents: [{{name: m, kind: roadside, pose: {{z: 6}}, {rig}}}]\n"
+    with pytest.raises(ConfigError, match=r"agents\[0\].rig.sensors\[0\].kind: .* but a vehicle"):
+        parse_config(real + mast)
+    assert parse_config(mast).agents[0].name == "m"
+
+
+def test_the_shortest_interval_of_messages_is_not_above_the_longest() -> None:
+    text = "rig: {sensors: [{id: V2X, kind: v2x, attributes: {gen_cam_min_s: 2}}]}\n"
+    with pytest.raises(ConfigError, match=r"attributes.gen_cam_min_s: 2 s is above .* 1 s"):
+        parse_config(text)

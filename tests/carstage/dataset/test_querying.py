@@ -11,7 +11,7 @@ import pytest
 
 from analytic_dataset import attempt_of, make_dataset
 from carstage.dataset import Dataset
-from carstage.dataset.querying import EpisodeTables, query_episodes
+from carstage.dataset.querying import AGENT_TABLES, TABLES, EpisodeTables, query_episodes
 from carstage.dataset.tables import read_table, write_table
 from carstage.errors import BadInputError, DatasetError
 from small_episodes import add_episode
@@ -160,3 +160,39 @@ def test_episodes_of_several_versions_are_joined_by_the_names_of_columns(tmp_pat
     write_table(read_table(older).drop_columns(["distance_ego"]), older)
     found = Dataset(tmp_path / "out").sql("SELECT count(distance_ego) AS n FROM objects")
     assert found.to_pylist() == [{"n": 8}]
+
+
+def with_agents(dataset: Path, tmp_path: Path, *names: str) -> EpisodeTables:
+    """The tables of an episode, and copies of them as those of agents."""
+    tables = Dataset(dataset).episodes[0].tables
+    folder = tmp_path / "episodes" / "e1" / "a1"
+    for below in (folder, *(folder / "agents" / name for name in names)):
+        below.mkdir(parents=True)
+        for file in TABLES.values():
+            (below / file).write_bytes((tables.folder / file).read_bytes())
+    return EpisodeTables(folder, tables.version, names)
+
+
+def test_tables_of_agents_say_whose_each_row_is(dataset: Path, tmp_path: Path) -> None:
+    episode = with_agents(dataset, tmp_path, "car2", "mast")
+    own = query_episodes([episode], "SELECT count(*) AS n FROM objects").table.to_pylist()
+    for name in AGENT_TABLES:
+        query = f"SELECT agent, episode_id, count(*) AS n FROM {name} GROUP BY ALL ORDER BY agent"
+        found = query_episodes([episode], query)
+        assert [row["agent"] for row in found.table.to_pylist()] == ["car2", "mast"]
+        assert {row["episode_id"] for row in found.table.to_pylist()} == {"e1"}
+        assert found.files == 2
+        if name == "agent_objects":
+            assert [row["n"] for row in found.table.to_pylist()] == [own[0]["n"]] * 2
+
+
+def test_tables_seen_as_an_agent_have_the_episode_s_id(dataset: Path, tmp_path: Path) -> None:
+    episode = with_agents(dataset, tmp_path, "car2")
+    seen = EpisodeTables(episode.folder / "agents" / "car2", episode.version)
+    found = query_episodes([seen], "SELECT DISTINCT episode_id FROM frames").table
+    assert found.to_pylist() == [{"episode_id": "e1"}]
+
+
+def test_tables_of_agents_that_there_are_not_are_refused(dataset: Path) -> None:
+    with pytest.raises(BadInputError, match="no table agent_ego"):
+        Dataset(dataset).sql("SELECT * FROM agent_ego")

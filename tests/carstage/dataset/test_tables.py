@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import duckdb
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -42,3 +43,20 @@ def test_a_footer_that_is_not_understood_leaves_no_file(
     with pytest.raises(StorageError, match="not understood"):
         write_table(TABLE, tmp_path / "table.parquet")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_frame_of_messages_has_an_entry_for_each_and_may_have_none() -> None:
+    radio = tables.row_sensor("v2x")
+    assert radio is not None
+    width = len(radio.columns)
+    sent = np.arange(2.0 * width).reshape(2, width)
+    sent[1, 5:] = np.nan
+    row = radio.row(3, 0.3, memoryview(sent.tobytes()))
+    assert row["station_id"] == [0.0, width]
+    np.testing.assert_array_equal(radio.array(row), sent)
+    nothing = radio.row(4, 0.4, memoryview(b""))
+    assert radio.array(nothing).shape == (0, width)
+    made = pa.Table.from_pylist([row, nothing], schema=radio.schema)
+    assert made["power_dbm"].to_pylist()[1] == []
+    with pytest.raises(ValueError, match="no whole number of messages"):
+        radio.row(0, 0.0, memoryview(bytes(8)))

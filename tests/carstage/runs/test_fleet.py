@@ -14,6 +14,7 @@ from carstage.cli.export import FORMATS
 from carstage.dataset import Dataset, Episode
 from carstage.errors import BadInputError
 from carstage.exporters import ExportOptions, export_dataset
+from carstage.report.episodes import EpisodePictures, episode_section
 from carstage.spec import EpisodeSpec
 from carstage.validation import validate_dataset
 from damage import edit_all, moved, put
@@ -130,3 +131,9 @@ def test_an_agent_whose_labels_are_elsewhere_is_found(fleet: Path, tmp_path: Pat
     found = [p for p in validate_dataset(copy).problems if p.check == "fleet"]
     assert found
     assert "agent car2" in found[0].message
+
+
+def test_the_report_shows_what_agents_see(fleet: Path, episode: Episode) -> None:
+    section = episode_section(EpisodePictures(episode, Dataset(fleet).description))
+    for sensor in ("car2, CAM_BACK", "car2, CAM_FRONT", "mast, CAM"):
+        assert f"{sensor} with 3D boxes, " in section

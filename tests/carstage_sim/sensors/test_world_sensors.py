@@ -96,6 +96,8 @@ def test_all_kinds_are_answered_in_the_order_of_the_requests(sensors):
         "sensor.other.obstacle",
         "sensor.other.occupancy",
         "sensor.other.radar",
+        "sensor.other.v2x",
+        "sensor.other.v2x_custom",
     )
 
 

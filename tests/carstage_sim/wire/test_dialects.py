@@ -71,6 +71,13 @@ def test_normals_camera_is_offered_since_0_9_14() -> None:
     assert offering == ["0.9.14", "0.9.15", "0.9.16"]
 
 
+@pytest.mark.parametrize("type_id", ["sensor.other.v2x", "sensor.other.v2x_custom"])
+def test_v2x_sensors_are_offered_since_0_9_16(type_id: str) -> None:
+    assert [v for v in VERSIONS if dialect(v).offers(type_id)] == ["0.9.16"]
+    assert "send" not in dialect("0.9.16").missing_calls
+    assert "send" in dialect("0.9.15").missing_calls
+
+
 @pytest.mark.parametrize("version", VERSIONS)
 def test_calls_that_a_version_lacks_are_calls_of_a_later_one(version: str) -> None:
     assert dialect(version).missing_calls <= known_calls()

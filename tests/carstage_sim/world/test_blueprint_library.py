@@ -35,6 +35,8 @@ def test_library_lists_the_families_that_the_simulator_produces() -> None:
         "sensor.other.lane_invasion",
         "sensor.other.obstacle",
         "sensor.other.occupancy",
+        "sensor.other.v2x",
+        "sensor.other.v2x_custom",
     }
     assert "controller.ai.walker" in catalogue()
     assert {attribute.value for b in VEHICLES for attribute in b.attributes} >= {

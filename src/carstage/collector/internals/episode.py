@@ -38,6 +38,7 @@ from carstage.collector.world import WorldSession
 from carstage.rawlog.format import ACTOR_RECORD, FORMAT_VERSION, WORLD, SealedSegment
 from carstage.rawlog.writing import BLOCKS, CHUNKLOG, write_episode_file, write_map_file
 from carstage.releases import gnss_convention
+from carstage.sensor_kinds import sensor_kind
 from carstage.spec import EpisodeSpec
 from carstage.spec.timing import SavedFrames
 
@@ -162,6 +163,7 @@ class EpisodeRecorder:
                     patience_s(spec.timing, self._plan.server.timeout_s),
                     not spec.timing.demands_all,
                     not spec.timing.sensor_sync,
+                    sparse=_sparse(spec),
                 ),
                 budget,
                 spec.steps,
@@ -281,6 +283,11 @@ class EpisodeRecorder:
             "requested": scene.requested,
             "spawned": scene.spawned,
         }
+
+
+def _sparse(spec: EpisodeSpec) -> List[str]:
+    """The streams that may have nothing in a tick."""
+    return [name for name, sensor in spec.streams.items() if sensor_kind(sensor.kind).is_sparse]
 
 
 def _observer(session: WorldSession, scene: Scene, spec: EpisodeSpec) -> WorldObserver:

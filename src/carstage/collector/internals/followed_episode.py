@@ -32,6 +32,7 @@ from carstage.collector.timing import Tick, skipped_ticks, ticks_per_segment
 from carstage.rawlog.format import ACTOR_RECORD, FORMAT_VERSION, WORLD
 from carstage.rawlog.writing import write_episode_file, write_map_file
 from carstage.releases import gnss_convention
+from carstage.sensor_kinds import sensor_kind
 from carstage.spec import EpisodeSpec
 from carstage.spec.timing import SavedFrames
 
@@ -236,7 +237,12 @@ class FollowedEpisode:
         pipeline = Pipeline(
             {sensor.id: sensor_of(sensor.kind) for sensor in spec.sensors},
             writers,
-            FrameMatcher([sensor.id for sensor in spec.sensors], PATIENCE_S, gather=True),
+            FrameMatcher(
+                [sensor.id for sensor in spec.sensors],
+                PATIENCE_S,
+                gather=True,
+                sparse=[s.id for s in spec.sensors if sensor_kind(s.kind).is_sparse],
+            ),
             self._budget,
             None,
             segment_ticks,

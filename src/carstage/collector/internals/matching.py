@@ -6,13 +6,16 @@ Pure logic: the clock is an argument, nothing waits here. The thread around it i
 from __future__ import annotations
 
 from collections import deque
-from typing import Any, Deque, Dict, List, NamedTuple, Optional, Sequence, Set
+from typing import Any, Deque, Dict, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 OK = "ok"
 MISSING = "missing"
 LATE = "late"
 MISMATCHED = "mismatched"
 OFF = "off"
+
+SPARSE_PATIENCE_S = 0.5
+"""How long a frame stays open for sensors that may have nothing to deliver, if none follows."""
 
 
 class ExpectedFrame(NamedTuple):
@@ -69,6 +72,7 @@ class _PendingFrame:
         self.data: Dict[str, Any] = {}
         self.outcomes: Dict[str, SensorOutcome] = {}
         self.lost: Set[str] = set()
+        self.whole_s: Optional[float] = None
 
     def lacking(self, sensors: Sequence[str]) -> List[str]:
         return [sensor for sensor in sensors if sensor not in self.outcomes]
@@ -88,6 +92,9 @@ class FrameMatcher:
         skip: do not wait for a frame that a sensor has passed over already (the paper's way).
         own_timelines: sensors measure at rates of their own; in between they are ``off``.
         gather: keep what comes before the beginning, for :meth:`begin_with_all`.
+        sparse: sensors that may deliver nothing for a frame, which is then ``ok`` and empty. Such a
+            frame is closed when a later one is whole but for them, or :data:`SPARSE_PATIENCE_S`
+            after its own others: what they deliver is on the way long before.
     """
 
     def __init__(
@@ -97,12 +104,17 @@ class FrameMatcher:
         skip: bool = False,
         own_timelines: bool = False,
         gather: bool = False,
+        sparse: Sequence[str] = (),
     ) -> None:
         self._sensors = tuple(sensors)
         self._patience_s = patience_s
         self._skip = skip
         self._own_timelines = own_timelines
         self._gather = gather
+        self._sparse = frozenset(sparse)
+        self._dense = tuple(sensor for sensor in self._sensors if sensor not in self._sparse)
+        self._newest_closed = -1
+        self._too_late: List[Tuple[str, int]] = []
         self._whole_from: Dict[str, int] = {}
         self._holds = False
         self._after_frame: Optional[int] = None
@@ -122,12 +134,12 @@ class FrameMatcher:
     def begin_with_all(self) -> int:
         """Begin with the first frame from which on every sensor delivered, and lost nothing.
 
-        Each sensor must have delivered something.
+        Each sensor that is not sparse must have delivered something.
 
         Returns:
             The last frame before it.
         """
-        after_frame = max(self._whole_from.values()) - 1
+        after_frame = max(self._whole_from.values(), default=0) - 1
         self.begin(after_frame)
         return after_frame
 
@@ -148,6 +160,10 @@ class FrameMatcher:
             self._keep_for_the_beginning(sensor, frame, data)
             return
         if self._after_frame is None or frame <= self._after_frame:
+            self._dropped.append(data)
+            return
+        if sensor in self._sparse and frame <= self._newest_closed:
+            self._too_late.append((sensor, frame))
             self._dropped.append(data)
             return
         for pending in self._waiting:
@@ -188,6 +204,9 @@ class FrameMatcher:
 
     def advance(self, now_s: float) -> None:
         """Close and book every frame that is due."""
+        for pending in self._waiting if self._sparse else ():
+            if pending.whole_s is None and not pending.lacking(self._dense):
+                pending.whole_s = now_s
         while self._waiting and self._due(self._waiting[0], now_s):
             self._close(self._waiting.popleft(), now_s)
         while self._closed and self._settled(self._closed[0], now_s):
@@ -202,7 +221,9 @@ class FrameMatcher:
         """When :meth:`advance` has something to do even if nothing is offered; else ``None``."""
         deadlines = []
         if self._waiting and not self._holds:
-            deadlines.append(self._waiting[0].since_s + self._patience_s)
+            whole_s = self._waiting[0].whole_s
+            patient_s = self._waiting[0].since_s + self._patience_s
+            deadlines.append(patient_s if whole_s is None else whole_s + SPARSE_PATIENCE_S)
         if self._closed:
             deadlines.append(self._closed[0].since_s + 2 * self._patience_s)
         return min(deadlines) if deadlines else None
@@ -222,6 +243,11 @@ class FrameMatcher:
         rows, self._rows = self._rows, []
         return rows
 
+    def take_too_late(self) -> List[Tuple[str, int]]:
+        """Sparse sensor and frame of data that came after the frame was closed as empty."""
+        too_late, self._too_late = self._too_late, []
+        return too_late
+
     def take_dropped(self) -> List[Any]:
         """Data given up since the last call: warm-up, late, stray, forgotten or doubled."""
         dropped, self._dropped = self._dropped, []
@@ -232,9 +258,10 @@ class FrameMatcher:
         if isinstance(data, LostData):
             self._whole_from[sensor] = frame + 1
         else:
-            self._whole_from.setdefault(sensor, frame)
+            if sensor not in self._sparse:
+                self._whole_from.setdefault(sensor, frame)
             self._early.setdefault(frame, {})[sensor] = data
-        first = max(self._whole_from.values())
+        first = max(self._whole_from.values(), default=0)
         for number in [number for number in self._early if number < first]:
             self._dropped.extend(self._early.pop(number).values())
 
@@ -254,6 +281,10 @@ class FrameMatcher:
             return True
         if not lacking:
             return True
+        if pending.whole_s is not None:
+            followed = len(self._waiting) > 1 and self._waiting[1].whole_s is not None
+            return bool(self._dense and followed) or now_s >= pending.whole_s + SPARSE_PATIENCE_S
+        lacking = pending.lacking(self._dense)
         if not self._holds and now_s >= pending.since_s + self._patience_s:
             return True
         frame = pending.expected.frame
@@ -264,6 +295,9 @@ class FrameMatcher:
         waited_s = max(0.0, now_s - pending.since_s)
         if not expected.seen:
             self._skip_over(pending)
+        self._newest_closed = expected.frame
+        for sensor in self._sparse.difference(pending.outcomes):
+            pending.outcomes[sensor] = SensorOutcome(OK, None, waited_s)
         for sensor in pending.lacking(self._sensors):
             newest = self.newest[sensor]
             if self._own_timelines:

@@ -49,6 +49,7 @@ from carstage.sensor_kinds.model import (
     DETECTIONS,
     FLOW,
     INSTANCES,
+    MESSAGES,
     NORMALS,
     POINTS,
     READING,
@@ -212,6 +213,13 @@ def _reading(frame: Frame, sensor: str) -> Iterator[Record]:
         yield Values(sensor, tuple(names), tuple(float(value) for value in values))
 
 
+def _messages(frame: Frame, sensor: str) -> Iterator[Record]:
+    """One record for each message that was received; none in most frames."""
+    names = tuple(column.name for column in sensor_kind(frame.episode.sensor(sensor).kind).columns)
+    for message in frame.read(sensor):
+        yield Values(sensor, names, tuple(float(value) for value in message))
+
+
 def _names(frame: Frame, sensor: str, count: int) -> tuple[str, ...]:
     """Names of the columns of a sensor's array."""
     columns = sensor_kind(frame.episode.sensor(sensor).kind).columns
@@ -236,5 +244,6 @@ CONTENTS: Final[Mapping[str, Callable[[Frame, str], Iterator[Record]]]] = {
     TAGGED_POINTS: _tagged_points,
     DETECTIONS: _detections,
     READING: _reading,
+    MESSAGES: _messages,
 }
 """What a sensor gives, by the content of its kind."""

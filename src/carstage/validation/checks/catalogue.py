@@ -19,7 +19,7 @@ GROUPS: Final[dict[str, dict[str, str]]] = {
         "decode": "every file decodes",
         "image_size": "every image has the size of the calibration",
         "tag_table": "dataset.json numbers the semantic tags as Car-STAGE does",
-        "schema": "the tables of IMU, GNSS and radar have their columns",
+        "schema": "the tables of IMU, GNSS, radar and V2X have their columns",
     },
     "Server, ledger and time": {
         "self_test": "the server passed the self-test before the run",
@@ -50,6 +50,7 @@ GROUPS: Final[dict[str, dict[str, str]]] = {
         "fleet": "agents have the ego's frames, and put everybody where the ego's tables do",
         "variants": "variants of an episode have the same frames, and everybody at the same places",
         "readings": "IMU and GNSS read what the motion of their sensor makes them",
+        "messages": "received V2X messages tell where their senders are, and are strong enough",
     },
     "Labels against the data": {
         "hull": "the pixels of an object lie inside the projection of its box",

@@ -30,7 +30,7 @@ _MODALITIES = (
     ("truth", "Ground-truth cameras"),
     ("lidar", "LiDAR"),
     ("radar", "Radar"),
-    ("inertial", "IMU and GNSS"),
+    ("inertial", "IMU, GNSS and V2X"),
 )
 
 _SHOWN = (

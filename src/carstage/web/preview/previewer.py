@@ -36,6 +36,7 @@ from carstage.sensor_kinds import sensor_kind
 from carstage.sensor_kinds.model import CLOUDS, DETECTIONS
 from carstage.spec import EpisodeSpec, SensorSpec
 from carstage.web.preview.sensor_views import PALETTE, jpeg, points_of, scaled
+from carstage.web.preview.shown_sensors import ShownSensor, shown_sensors
 
 FOLDER = "preview"
 WANT = "want"
@@ -89,11 +90,11 @@ def _draw(run: Path, folder: Path) -> None:
 class _Stream:
     """One sensor of one attempt."""
 
-    def __init__(self, attempt: Path, sensor: SensorSpec, server: str) -> None:
-        self.id = sensor.id
-        self._sensor = sensor
+    def __init__(self, attempt: Path, shown: ShownSensor, server: str) -> None:
+        self.id = shown.id
+        self._sensor = shown.sensor
         self._server = server
-        self._records = NewestRecords(attempt, self.id)
+        self._records = NewestRecords(attempt, shown.stream)
         self._next_s = 0.0
 
     def draw(self, folder: Path) -> int | None:
@@ -170,9 +171,9 @@ def _streams(attempt: Path) -> list[_Stream]:
     if header is None:
         return []
     return [
-        _Stream(attempt, sensor, str(header["server_version"]))
-        for sensor in EpisodeSpec.from_json(header["spec"]).written_sensors
-        if sensor_kind(sensor.kind).viewer != "none"
+        _Stream(attempt, shown, str(header["server_version"]))
+        for shown in shown_sensors(EpisodeSpec.from_json(header["spec"]))
+        if sensor_kind(shown.sensor.kind).viewer != "none"
     ]
 
 

@@ -15,6 +15,7 @@ from carstage.runs.reading import Alive, liveness, read_document
 from carstage.spec import EpisodeSpec
 from carstage.storage.remote_path import DatasetPath, RemotePath
 from carstage.web.messages import RunSensor
+from carstage.web.preview.shown_sensors import shown_sensors
 from carstage.web.roots import Roots
 from carstage.web.runs.launches import Launches
 
@@ -157,7 +158,7 @@ def read_plan(path: Path, _changed_ns: int) -> RunPlan | None:
         ticks=ticks,
         frames=frames,
         sensors=tuple(
-            RunSensor(id=sensor.id, kind=sensor.kind)
-            for sensor in (specs[0].written_sensors if specs else ())
+            RunSensor(id=sensor.id, kind=sensor.sensor.kind)
+            for sensor in (shown_sensors(specs[0]) if specs else ())
         ),
     )

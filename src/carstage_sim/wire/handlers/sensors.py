@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from carstage_sim.sensors.gbuffers import GBUFFERS
 from carstage_sim.wire.errors import CallError
 from carstage_sim.wire.handlers.registry import Call, handles, handles_void
 from carstage_sim.wire.streaming import SENSORS_SUBSCRIBED_WITHIN_S
 from carstage_sim.wire.token import stream_token
 from carstage_sim.world.actors import Actor
+from carstage_sim.world.transmissions import CUSTOM_SENSOR, LONGEST_TEXT
 
 _LARGEST_ID = 2**32 - 1
 
@@ -62,6 +61,12 @@ def _are_gbuffers_enabled(call: Call, actor_id: int) -> bool:
 
 
 @handles_void("send")
-def _send(call: Call, actor_id: int, *_message: Any) -> None:
-    """V2X messages reach nobody."""
-    call.world.live_or_dead(actor_id)
+def _send(call: Call, actor_id: int, message: str) -> None:
+    """A V2X sensor sends a client's text in the next tick."""
+    sensor = call.world.live_or_dead(actor_id)
+    if sensor.type_id != CUSTOM_SENSOR:
+        raise CallError(f"actor {actor_id} is {sensor.type_id}: only {CUSTOM_SENSOR} sends texts")
+    size = len(message.encode("utf-8", "surrogateescape"))
+    if size > LONGEST_TEXT:
+        raise CallError(f"a V2X message has {LONGEST_TEXT} bytes at most, not {size}")
+    call.world.v2x.send(actor_id, message)

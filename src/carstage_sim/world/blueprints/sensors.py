@@ -141,6 +141,44 @@ _GNSS: tuple[_Row, ...] = (
     ),
 )
 
+_V2X_CUSTOM: tuple[_Row, ...] = (
+    ("sensor_tick", _F, "0.0"),
+    ("noise_seed", _I, "0"),
+    ("transmit_power", _F, "21.5"),
+    ("receiver_sensitivity", _F, "-99.0"),
+    ("frequency_ghz", _F, "5.9"),
+    ("combined_antenna_gain", _F, "10.0"),
+    ("scenario", _S, "highway"),
+    ("path_loss_model", _S, "winner"),
+    ("path_loss_exponent", _F, "2.7"),
+    ("d_ref", _F, "1.0"),
+    ("filter_distance", _F, "500.0"),
+    ("use_etsi_fading", _B, "true"),
+    ("custom_fading_stddev", _F, "0.0"),
+)
+
+_V2X: tuple[_Row, ...] = (
+    *_V2X_CUSTOM,
+    ("gen_cam_min", _F, "0.1"),
+    ("gen_cam_max", _F, "1.0"),
+    ("fixed_rate", _B, "false"),
+    *(
+        (f"noise_{axis}_{kind}", _F, "0.0")
+        for axis in ("lat", "lon", "alt", "head")
+        for kind in ("stddev", "bias")
+    ),
+    *((f"noise_accel_stddev_{axis}", _F, "0.0") for axis in "xyz"),
+    ("noise_yawrate_stddev", _F, "0.0"),
+    ("noise_yawrate_bias", _F, "0.0"),
+    ("noise_vel_stddev_x", _F, "0.0"),
+)
+
+_CHOICES: dict[str, tuple[str, ...]] = {
+    "scenario": ("highway", "rural", "urban"),
+    "path_loss_model": ("winner", "geometric"),
+}
+"""Attributes that have one of a few words."""
+
 _OCCUPANCY: tuple[_Row, ...] = (
     ("sensor_tick", _F, "0.0"),
     *((side, _F, "40.0") for side in ("ahead", "behind", "left", "right")),
@@ -167,6 +205,8 @@ _SENSORS: dict[str, tuple[_Row, ...]] = {
     "sensor.other.imu": _IMU,
     "sensor.other.gnss": _GNSS,
     "sensor.other.occupancy": _OCCUPANCY,
+    "sensor.other.v2x": _V2X,
+    "sensor.other.v2x_custom": _V2X_CUSTOM,
 }
 
 _SENT_AS: dict[str, str] = {"sensor.other.occupancy": "sensor.lidar.ray_cast_semantic"}
@@ -202,7 +242,10 @@ def sent_as(type_id: str) -> str:
 def _attributes(sensor_id: str, rows: tuple[_Row, ...]) -> tuple[Attribute, ...]:
     attributes = [
         Attribute("role_name", _S, _ROLES[0], _ROLES),
-        *(Attribute(name, kind, value, (value,)) for name, kind, value in rows),
+        *(
+            Attribute(name, kind, value, _CHOICES.get(name, (value,)), restrict=name in _CHOICES)
+            for name, kind, value in rows
+        ),
         Attribute("ros_name", _S, sensor_id, (sensor_id,)),
     ]
     if set(_POST_PROCESS) <= set(rows):

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,11 @@ from PIL import Image
 
 import analytic_scene
 from carstage.rawlog.tail import NewestRecords
+from carstage.spec import EpisodeSpec
+from carstage.spec.agents import AgentSeeds, AgentSpec
+from carstage.spec.sensors import PoseSpec
 from carstage.web.preview import previewer
+from carstage.web.preview.shown_sensors import shown_sensors
 from sites import FakeRun, open_site
 from waiting import await_that
 
@@ -121,3 +126,27 @@ def test_one_previewer_works_on_a_run(recording: FakeRun) -> None:
         assert first.poll() is None
         recording.say(state="done")
         assert first.wait(20) == 0
+
+
+def test_sensors_of_agents_have_pictures_under_the_agent_s_name(
+    raw_log: Path, tmp_path: Path
+) -> None:
+    attempt = tmp_path / "a1"
+    shutil.copytree(raw_log, attempt)
+    header = json.loads((attempt / "episode.json").read_text())
+    spec = EpisodeSpec.from_json(header["spec"])
+    camera = next(one for one in spec.written_sensors if one.kind == "rgb")
+    mast = AgentSpec(
+        "mast", "roadside", (camera,), AgentSeeds(1, 2), pose=PoseSpec(0, 0, 6, 0, 0, 0)
+    )
+    header["spec"] = replace(spec, agents=(mast,)).to_json()
+    (attempt / "episode.json").write_text(json.dumps(header))
+    (attempt / camera.id).rename(attempt / f"{camera.id}@1")
+    shown = shown_sensors(EpisodeSpec.from_json(header["spec"]))
+    assert [one.id for one in shown][-1] == f"mast.{camera.id}"
+    pictures = tmp_path / "preview"
+    pictures.mkdir()
+    for stream in previewer._streams(attempt):
+        stream.draw(pictures)
+    assert (pictures / f"mast.{camera.id}.jpg").is_file()
+    assert not (pictures / f"{camera.id}.jpg").exists()

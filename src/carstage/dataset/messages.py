@@ -1,0 +1,64 @@
+"""The V2X messages that an episode's sensors received, one row each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+import pyarrow as pa
+
+from carstage.sensor_kinds import sensor_kind
+from carstage.sensor_kinds.model import MESSAGES
+
+if TYPE_CHECKING:
+    from carstage.dataset.reading import Sensor
+
+_WHOLE = {"station_id": pa.int64(), "station_type": pa.int32(), "drive_direction": pa.int32()}
+"""Columns of whole numbers; the others are float64."""
+
+
+def message_table(sensors: Iterable[Sensor]) -> pa.Table | None:
+    """What the V2X sensors of an episode received; ``None`` where it has no such sensor.
+
+    Args:
+        sensors: of the episode; others are left out.
+
+    Returns:
+        A row for each message, by sensor and frame: ``k``, ``timestamp_s`` (when it was received),
+        ``sensor_id``, ``track_id`` (of the sender, ``station_id`` as the tables of labels have it),
+        and the columns of the sensor's own table; null for what a message does not say.
+
+    Raises:
+        DatasetError: a table is missing or damaged.
+    """
+    radios = [sensor for sensor in sensors if sensor.content == MESSAGES]
+    if not radios:
+        return None
+    return pa.concat_tables(_rows(sensor) for sensor in radios)
+
+
+def _rows(sensor: Sensor) -> pa.Table:
+    names = [column.name for column in sensor_kind(sensor.kind).columns]
+    found: dict[str, list[Any]] = {name: [] for name in ("k", "timestamp_s", *names)}
+    for row in sensor.table.to_pylist():
+        count = len(row[names[0]])
+        found["k"] += [row["k"]] * count
+        found["timestamp_s"] += [row["timestamp_s"]] * count
+        for name in names:
+            found[name] += [None if value != value else value for value in row[name]]
+    columns = {
+        "k": pa.array(found["k"], pa.int32()),
+        "timestamp_s": pa.array(found["timestamp_s"], pa.float64()),
+        "sensor_id": pa.array([sensor.id] * len(found["k"]), pa.string()),
+        "track_id": _whole(found["station_id"], pa.int64()),
+    }
+    for name in names:
+        kind = _WHOLE.get(name)
+        columns[name] = (
+            pa.array(found[name], pa.float64()) if kind is None else _whole(found[name], kind)
+        )
+    return pa.table(columns)
+
+
+def _whole(values: list[Any], kind: pa.DataType) -> pa.Array[Any]:
+    return pa.array([None if value is None else round(value) for value in values], kind)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.content.heads import Hair, add_head
+from carstage_sim.content.held import Held, add_held
 from carstage_sim.content.lofting import Array, ShapeBuilder
 from carstage_sim.content.posing import ARMS, FEET, LEGS, Chain, Figure, Parts, Pose
 from carstage_sim.mesh import Material
@@ -34,6 +35,7 @@ class Dress:
         bottom: what covers the legs.
         hair: of the head, or what covers it.
         bag: what the figure carries.
+        held: what it holds in its right hand, before its chest.
         upper, lower, hands, shoes, cover: materials; ``cover`` is that of hats and helmets.
         fists: the hands hold something.
         head: size of the head over an adult's.
@@ -47,6 +49,7 @@ class Dress:
     bottom: Literal["trousers", "leggings", "shorts", "skirt", "long skirt"] = "trousers"
     hair: Hair = "short"
     bag: Literal["none", "rucksack", "shoulder", "hand"] = "none"
+    held: Held = "nothing"
     upper: Material = Material.CLOTH_UPPER
     lower: Material = Material.CLOTH_LOWER
     hands: Material = Material.SKIN
@@ -75,6 +78,7 @@ def figure_of(dress: Dress, size_m: float) -> Figure:
     _add_skirt(parts, dress)
     add_head(parts, dress.hair, dress.cover, dress.head)
     _add_bag(parts, dress)
+    add_held(parts, dress.held)
     return parts.figure()
 
 
@@ -271,12 +275,13 @@ def _add_hand(parts: Parts, dress: Dress, side: int) -> None:
              (0.168, 0.018, 0.008, 0.030)]  # fmt: skip
     fist = [(-0.01, 0.027, 0.021, 0.0), (0.02, 0.040, 0.026, 0.0), (0.05, 0.042, 0.030, 0.004),
             (0.07, 0.030, 0.022, 0.010)]  # fmt: skip
-    rows = fist if dress.fists else open_
+    closed = dress.fists or (side == 1 and dress.held != "nothing")
+    rows = fist if closed else open_
     rings = np.stack([oval(thin, wide, wide, 6) for _, wide, thin, _ in rows]) * size
     rings[..., 1] -= np.array([row[3] for row in rows])[:, None] * _SIDE[side] * size
     anchors = [(arm, 2.0 + row[0] * size / forearm) for row in rows]
     parts.loft(anchors, rings, dress.hands)
-    if not dress.fists:
+    if not closed:
         thumb = [(0.02, 0.022, 0.012), (0.055, 0.046, 0.011), (0.092, 0.052, 0.007)]
         rings = np.stack([oval(r, r, r, 4) + np.array([x, 0.0, 0.0]) for _, x, r in thumb]) * size
         rings[..., 1] -= 0.010 * _SIDE[side]

@@ -48,7 +48,7 @@ class Dress:
     pattern: Literal["plain", "stripes", "block", "print", "vest", "raglan"] = "plain"
     bottom: Literal["trousers", "leggings", "shorts", "skirt", "long skirt"] = "trousers"
     hair: Hair = "short"
-    bag: Literal["none", "rucksack", "shoulder", "hand"] = "none"
+    bag: Literal["none", "rucksack", "shoulder", "hand", "shopping"] = "none"
     held: Held = "nothing"
     upper: Material = Material.CLOTH_UPPER
     lower: Material = Material.CLOTH_LOWER
@@ -350,8 +350,19 @@ def _add_bag(parts: Parts, dress: Dress) -> None:
         anchors = [(Chain.TRUNK, t) for t, _, _ in sling]
         parts.loft(anchors, rings, bag, closed=False, capped=False)
     elif dress.bag == "hand":
-        hand = (Chain.CARRIED, 0.0)
-        parts.box(hand, (-0.15, -0.045, -0.36), (0.15, 0.045, -0.13), bag)
-        for end in (-0.07, 0.07):
-            handle = [[(end, y, -0.14), (0.3 * end, y, -0.06)] for y in (-0.012, 0.012)]
-            parts.loft([hand] * 2, handle, bag, closed=False, capped=False)
+        _add_hanging_bag(parts, Chain.CARRIED, (0.15, 0.045, 0.23), bag)
+    elif dress.bag == "shopping":
+        _add_hanging_bag(parts, Chain.CARRIED, (0.10, 0.065, 0.34), bag)
+        _add_hanging_bag(parts, Chain.HELD, (0.09, 0.055, 0.28), Material.SIGN_WHITE)
+
+
+def _add_hanging_bag(
+    parts: Parts, chain: Chain, size: tuple[float, float, float], material: Material
+) -> None:
+    """A bag below a hand: half length, half width and height."""
+    hand = (chain, 0.0)
+    long, wide, tall = size
+    parts.box(hand, (-long, -wide, -0.13 - tall), (long, wide, -0.13), material)
+    for end in (-0.07, 0.07):
+        handle = [[(end, y, -0.14), (0.3 * end, y, -0.06)] for y in (-0.012, 0.012)]
+        parts.loft([hand] * 2, handle, material, closed=False, capped=False)

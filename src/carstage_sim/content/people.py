@@ -23,7 +23,7 @@ _MEN = (
     Dress(top="tee", pattern="print", bottom="shorts", hair="cap", width=1.02),
     Dress(top="shirt", pattern="stripes", hair="fade", bag="rucksack", width=0.96),
     Dress(top="coat", hair="beanie", width=1.04, held="cup"),
-    Dress(top="shirt", pattern="raglan", hair="bald", belly=0.05, width=1.10),
+    Dress(top="shirt", pattern="raglan", hair="bald", belly=0.05, width=1.10, bag="shopping"),
     Dress(top="tee", hair="curly", pattern="block", width=0.98, held="phone"),
     Dress(top="shirt", pattern="vest", hair="helmet", width=1.05),
 )
@@ -50,7 +50,15 @@ _WOMEN = (
         width=0.97,
         held="phone",
     ),
-    Dress(female=True, top="shirt", bottom="skirt", hair="curly", width=1.12, belly=0.02),
+    Dress(
+        female=True,
+        top="shirt",
+        bottom="skirt",
+        hair="sun hat",
+        width=1.12,
+        belly=0.02,
+        bag="shopping",
+    ),
 )
 _BOYS = (
     Dress(top="tee", pattern="stripes", bottom="shorts", hair="short", bag="rucksack", width=0.94),

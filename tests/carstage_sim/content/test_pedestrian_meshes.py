@@ -217,6 +217,20 @@ def test_a_hand_that_holds_something_does_not_swing_and_the_other_does():
     assert np.array_equal(*feet), "rain changes what the hand holds, and nothing else"
 
 
+def test_shopping_bags_hang_upright_from_both_hands_above_the_ground():
+    carrying = [b for b in WALKERS if dress_of(b.id).bag == "shopping"]
+    assert len(carrying) >= 4
+    name, extent = carrying[0].id, carrying[0].box_extent
+    for phase in (0, 1, 13, 25, 37, WALK_PHASES + 9):
+        mesh, joints = walking(name, extent, phase), walking_joints(name, extent, phase)
+        for side, material in enumerate((Material.BAG, Material.SIGN_WHITE)):
+            bag = mesh.vertices[np.unique(mesh.triangles[mesh.material == material])]
+            bag = bag[bag[:, 2] < 0.3]
+            assert np.abs(bag.mean(axis=0) - joints.hand[side])[:2].max() < 0.03
+            assert -extent[2] + 0.15 < bag[:, 2].min() < joints.hand[side][2] - 0.38
+            assert bag[:, 2].max() < joints.hand[side][2]
+
+
 def test_the_old_are_grey_and_children_have_larger_heads():
     old = colours_of(f"walker.pedestrian.{ELDERLY[0]:04d}", 3)["hair"]
     assert min(old) > 140

@@ -275,6 +275,23 @@ def render(
     return _report("render", measure, json)
 
 
+@benchmark("gallery", takes="4 minutes")
+def gallery(
+    folder: Annotated[Path, typer.Argument(help="Gets index.html and its pictures.")],
+    seed: Seed = 3,
+    json: Json = False,
+) -> int:
+    """A page of pictures to look at: vehicles, people, towns, weathers, dusk and night."""
+    from benchmarks.simulator.render.gallery_page import PAGE, write_gallery
+    from carstage.cli.output import note
+
+    def measure() -> Verdict:
+        names = write_gallery(folder, seed=seed, progress=note)
+        return Verdict("gallery", (Figure("pictures", len(names)),), (str(folder / PAGE),))
+
+    return _report("gallery", measure, json)
+
+
 @benchmark("picture", takes="1 minute")
 def picture(
     map: Map = "Stage01",

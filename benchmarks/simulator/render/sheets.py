@@ -23,6 +23,8 @@ from carstage_sim.world.state import Weather
 _WORN = ("upper", "lower", "skin", "hair", "accent", "shoes", "bag")
 
 DAY = Weather(sun_altitude_angle=45.0, sun_azimuth_angle=200.0, cloudiness=20.0)
+FROM_AHEAD = Weather(sun_altitude_angle=38.0, sun_azimuth_angle=50.0, cloudiness=20.0)
+"""Sun on the front and one side of who looks along x."""
 NIGHT = Weather(sun_altitude_angle=-40.0, cloudiness=20.0)
 
 Vector = tuple[float, float, float]

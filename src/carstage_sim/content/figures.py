@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.content.heads import Hair, add_head
+from carstage_sim.content.held import Held, add_held
 from carstage_sim.content.lofting import Array, ShapeBuilder
 from carstage_sim.content.posing import ARMS, FEET, LEGS, Chain, Figure, Parts, Pose
 from carstage_sim.mesh import Material
@@ -34,6 +35,7 @@ class Dress:
         bottom: what covers the legs.
         hair: of the head, or what covers it.
         bag: what the figure carries.
+        held: what it holds in its right hand, before its chest.
         upper, lower, hands, shoes, cover: materials; ``cover`` is that of hats and helmets.
         fists: the hands hold something.
         head: size of the head over an adult's.
@@ -46,7 +48,8 @@ class Dress:
     pattern: Literal["plain", "stripes", "block", "print", "vest", "raglan"] = "plain"
     bottom: Literal["trousers", "leggings", "shorts", "skirt", "long skirt"] = "trousers"
     hair: Hair = "short"
-    bag: Literal["none", "rucksack", "shoulder", "hand"] = "none"
+    bag: Literal["none", "rucksack", "shoulder", "hand", "shopping"] = "none"
+    held: Held = "nothing"
     upper: Material = Material.CLOTH_UPPER
     lower: Material = Material.CLOTH_LOWER
     hands: Material = Material.SKIN
@@ -75,6 +78,7 @@ def figure_of(dress: Dress, size_m: float) -> Figure:
     _add_skirt(parts, dress)
     add_head(parts, dress.hair, dress.cover, dress.head)
     _add_bag(parts, dress)
+    add_held(parts, dress.held)
     return parts.figure()
 
 
@@ -271,12 +275,13 @@ def _add_hand(parts: Parts, dress: Dress, side: int) -> None:
              (0.168, 0.018, 0.008, 0.030)]  # fmt: skip
     fist = [(-0.01, 0.027, 0.021, 0.0), (0.02, 0.040, 0.026, 0.0), (0.05, 0.042, 0.030, 0.004),
             (0.07, 0.030, 0.022, 0.010)]  # fmt: skip
-    rows = fist if dress.fists else open_
+    closed = dress.fists or (side == 1 and dress.held != "nothing")
+    rows = fist if closed else open_
     rings = np.stack([oval(thin, wide, wide, 6) for _, wide, thin, _ in rows]) * size
     rings[..., 1] -= np.array([row[3] for row in rows])[:, None] * _SIDE[side] * size
     anchors = [(arm, 2.0 + row[0] * size / forearm) for row in rows]
     parts.loft(anchors, rings, dress.hands)
-    if not dress.fists:
+    if not closed:
         thumb = [(0.02, 0.022, 0.012), (0.055, 0.046, 0.011), (0.092, 0.052, 0.007)]
         rings = np.stack([oval(r, r, r, 4) + np.array([x, 0.0, 0.0]) for _, x, r in thumb]) * size
         rings[..., 1] -= 0.010 * _SIDE[side]
@@ -345,8 +350,19 @@ def _add_bag(parts: Parts, dress: Dress) -> None:
         anchors = [(Chain.TRUNK, t) for t, _, _ in sling]
         parts.loft(anchors, rings, bag, closed=False, capped=False)
     elif dress.bag == "hand":
-        hand = (Chain.CARRIED, 0.0)
-        parts.box(hand, (-0.15, -0.045, -0.36), (0.15, 0.045, -0.13), bag)
-        for end in (-0.07, 0.07):
-            handle = [[(end, y, -0.14), (0.3 * end, y, -0.06)] for y in (-0.012, 0.012)]
-            parts.loft([hand] * 2, handle, bag, closed=False, capped=False)
+        _add_hanging_bag(parts, Chain.CARRIED, (0.15, 0.045, 0.23), bag)
+    elif dress.bag == "shopping":
+        _add_hanging_bag(parts, Chain.CARRIED, (0.10, 0.065, 0.34), bag)
+        _add_hanging_bag(parts, Chain.HELD, (0.09, 0.055, 0.28), Material.SIGN_WHITE)
+
+
+def _add_hanging_bag(
+    parts: Parts, chain: Chain, size: tuple[float, float, float], material: Material
+) -> None:
+    """A bag below a hand: half length, half width and height."""
+    hand = (chain, 0.0)
+    long, wide, tall = size
+    parts.box(hand, (-long, -wide, -0.13 - tall), (long, wide, -0.13), material)
+    for end in (-0.07, 0.07):
+        handle = [[(end, y, -0.14), (0.3 * end, y, -0.06)] for y in (-0.012, 0.012)]
+        parts.loft([hand] * 2, handle, material, closed=False, capped=False)

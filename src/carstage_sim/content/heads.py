@@ -12,7 +12,7 @@ from carstage_sim.mesh import Material
 
 Hair = Literal[
     "short", "fade", "curly", "bob", "long", "bun", "ponytail", "bald", "cap", "beanie", "hat",
-    "scarf", "helmet",
+    "sun hat", "scarf", "helmet",
 ]  # fmt: skip
 
 _HEAD = (Chain.HEAD, 0.0)
@@ -145,6 +145,7 @@ def _add_hair(parts: Parts, hair: Hair, cover: Material, size: float) -> None:
         "cap": ((0.040, -0.004, -0.066), 0.008, 0.0, 0.0),
         "beanie": ((0.020, -0.030, -0.075), 0.006, 0.0, 0.0),
         "hat": ((0.040, -0.020, -0.080), 0.010, 0.0, 0.0),
+        "sun hat": ((0.040, -0.145, -0.185), 0.014, 0.012, 0.0),
     }
     if hair in styles:
         hem, grown, hang, rough = styles[hair]
@@ -174,12 +175,9 @@ def _add_hair(parts: Parts, hair: Hair, cover: Material, size: float) -> None:
     elif hair == "beanie":
         _shell(parts, (0.046, 0.022, -0.010), 0.016, cover, size)
     elif hair == "hat":
-        _shell(parts, (0.058, 0.050, 0.046), 0.013, cover, size)
-        angle = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
-        brim = [_skin(np.full(_SIDES, 0.055), angle, more) for more in (0.008, 0.060, 0.0)]
-        brim[1][:, 2] = 0.046
-        brim[2][:, 2] = 0.050
-        _loft(parts, np.stack(brim) * size, cover, capped=False)
+        _add_hat(parts, cover, size, brim_m=0.060)
+    elif hair == "sun hat":
+        _add_hat(parts, cover, size, brim_m=0.125)
     elif hair == "scarf":
         _shell(parts, (0.062, -0.10, -0.19), 0.016, cover, size)
         angle = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
@@ -191,6 +189,16 @@ def _add_hair(parts: Parts, hair: Hair, cover: Material, size: float) -> None:
         _loft(parts, np.stack(rings) * size, cover)
     elif hair == "helmet":
         _shell(parts, (0.050, 0.018, 0.006), 0.022, cover, size)
+
+
+def _add_hat(parts: Parts, cover: Material, size: float, *, brim_m: float) -> None:
+    """A hat whose brim stands out from the head and hangs a little."""
+    _shell(parts, (0.058, 0.050, 0.046), 0.013 if brim_m < 0.1 else 0.017, cover, size)
+    angle = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
+    brim = [_skin(np.full(_SIDES, 0.055), angle, more) for more in (0.008, brim_m, 0.0)]
+    brim[1][:, 2] = 0.055 - 0.15 * brim_m
+    brim[2][:, 2] = 0.050
+    _loft(parts, np.stack(brim) * size, cover, capped=False)
 
 
 def _ball(

@@ -19,22 +19,46 @@ FEMALE = (1, 5, 6, 7, 8, 9, 10, 11, 15, 19, 20, 22, 23, 24, 25, 31, 33, 35, 36, 
 
 _BAG = Material.BAG
 _MEN = (
-    Dress(top="jacket", hair="short"),
+    Dress(top="jacket", hair="short", held="phone"),
     Dress(top="tee", pattern="print", bottom="shorts", hair="cap", width=1.02),
     Dress(top="shirt", pattern="stripes", hair="fade", bag="rucksack", width=0.96),
-    Dress(top="coat", hair="beanie", width=1.04),
-    Dress(top="shirt", pattern="raglan", hair="bald", belly=0.05, width=1.10),
-    Dress(top="tee", hair="curly", pattern="block", width=0.98),
+    Dress(top="coat", hair="beanie", width=1.04, held="cup"),
+    Dress(top="shirt", pattern="raglan", hair="bald", belly=0.05, width=1.10, bag="shopping"),
+    Dress(top="tee", hair="curly", pattern="block", width=0.98, held="phone"),
     Dress(top="shirt", pattern="vest", hair="helmet", width=1.05),
 )
 _WOMEN = (
     Dress(female=True, top="jacket", hair="long", bag="shoulder"),
     Dress(female=True, top="dress", bottom="skirt", hair="bun", bag="hand"),
     Dress(female=True, top="tee", bottom="leggings", hair="ponytail", pattern="block"),
-    Dress(female=True, top="coat", bottom="trousers", hair="bob", bag="shoulder", width=1.04),
-    Dress(female=True, top="shirt", bottom="long skirt", hair="scarf", width=1.05),
-    Dress(female=True, top="tee", pattern="stripes", hair="long", bag="rucksack", width=0.97),
-    Dress(female=True, top="shirt", bottom="skirt", hair="curly", width=1.12, belly=0.02),
+    Dress(
+        female=True,
+        top="coat",
+        bottom="trousers",
+        hair="bob",
+        bag="shoulder",
+        width=1.04,
+        held="cup",
+    ),
+    Dress(female=True, top="shirt", bottom="long skirt", hair="scarf", width=1.05, held="phone"),
+    Dress(
+        female=True,
+        top="tee",
+        pattern="stripes",
+        hair="long",
+        bag="rucksack",
+        width=0.97,
+        held="phone",
+    ),
+    Dress(
+        female=True,
+        top="shirt",
+        bottom="skirt",
+        hair="sun hat",
+        width=1.12,
+        belly=0.02,
+        bag="shopping",
+    ),
 )
 _BOYS = (
     Dress(top="tee", pattern="stripes", bottom="shorts", hair="short", bag="rucksack", width=0.94),
@@ -86,6 +110,11 @@ def _number(type_id: str) -> int:
 def stoop_m(type_id: str) -> float:
     """How far one is bent forward, metres of a figure of 1.8 m."""
     return 0.06 if _number(type_id) in ELDERLY else 0.0
+
+
+def has_umbrella(type_id: str) -> bool:
+    """Whether one opens an umbrella when it rains: those whose right hand holds something."""
+    return dress_of(type_id).held != "nothing"
 
 
 @cache

@@ -63,7 +63,11 @@ def stacked(poses: Sequence[Pose]) -> Pose:
 
 
 class Chain(IntEnum):
-    """What frames sit on: ``LEGS`` is between both legs, ``CARRIED`` hangs from the left wrist."""
+    """What frames sit on.
+
+    ``LEGS`` is between both legs; ``CARRIED`` and ``HELD`` are upright at the left and the right
+    wrist.
+    """
 
     TRUNK = 0
     HEAD = 1
@@ -75,6 +79,7 @@ class Chain(IntEnum):
     FOOT_LEFT = 7
     FOOT_RIGHT = 8
     CARRIED = 9
+    HELD = 10
 
 
 Anchor = tuple[Chain, float]
@@ -270,10 +275,11 @@ def _frames(pose: Pose, anchors: tuple[Anchor, ...]) -> tuple[Array, Array]:
         set_at(rows, pose.ankle[side], _foot_axes(pose.toe[side] - pose.ankle[side], hips))
     between = [(a + b) / 2 for a, b in (pose.hip, pose.knee, pose.ankle)]
     put(Chain.LEGS, between, hips, hips)
-    (rows,) = np.nonzero(chains == Chain.CARRIED)
     level = _unit_vectors(hips * np.array([1.0, 1.0, 0.0]))
     upright = np.broadcast_to((0.0, 0.0, 1.0), level.shape)
-    set_at(rows, pose.hand[0], [_cross(level, upright), level, upright])
+    for side, chain in enumerate((Chain.CARRIED, Chain.HELD)):
+        (rows,) = np.nonzero(chains == chain)
+        set_at(rows, pose.hand[side], [_cross(level, upright), level, upright])
     (rows,) = np.nonzero(chains == Chain.HEAD)
     up = _unit_vectors(pose.head - pose.neck)
     right = _unit_vectors(hips + shoulders)

@@ -55,7 +55,23 @@ def add_ambulance(builder: ShapeBuilder, build: Build, frame: VehicleFrame) -> N
     _add_chevrons(builder, rear - 0.006, 0.98 * wide, (floor + 0.24, 0.58 * top))
     add_rear_text(builder, rear - 0.014, roof - 0.14, "AMBULANCE", 0.16, Material.SIGN_RED)
     _add_rear_lamps(builder, rear, wide, floor + 0.02, frame.plate)
+    _add_step(builder, rear, wide, (0.13 * top, floor))
     add_wheels(builder, frame, body, 6)
+
+
+def _add_step(builder: ShapeBuilder, x: float, wide: float, z: _Span) -> None:
+    """What is below a box at the rear: a bumper to step on, with a ribbed plate, before dark."""
+    low, high = z
+    edge = low + 0.5 * (high - low)
+    builder.box((x - 0.002, -wide, edge), (x + 0.10, wide, high), Material.PLASTIC_DARK)
+    builder.box((x - 0.008, -0.96 * wide, low), (x + 0.16, 0.96 * wide, edge), Material.PAINT_GREY)
+    for share in (0.25, 0.5, 0.75):
+        rib = low + share * (edge - low)
+        builder.box((x - 0.010, -0.94 * wide, rib), (x, 0.94 * wide, rib + 0.012),
+                    Material.PLASTIC_DARK)  # fmt: skip
+    for sign in (-1.0, 1.0):
+        at = sorted((sign * 0.80 * wide, sign * 0.92 * wide))
+        builder.box((x - 0.010, at[0], edge - 0.06), (x, at[1], edge - 0.02), Material.SIGN_RED)
 
 
 def _band(builder: ShapeBuilder, x: _Span, wide: float, z: _Span, material: int) -> None:

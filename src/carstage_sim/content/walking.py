@@ -24,6 +24,8 @@ PHASES = WALK_PHASES + RUN_PHASES
 
 _SIDES = (-1.0, 1.0)
 _THIGH, _SHIN, _UPPER_ARM, _FOREARM = 0.429, 0.429, 0.280, 0.255
+_HOLDING = (0.05, 0.02, 2.40)
+"""Angle ahead and aside of an upper arm, bend of the elbow, of a hand before the chest."""
 _HEEL, _TIP = (-0.06, -0.085), (0.165, -0.085)
 """Where a foot meets the ground, ahead of and above its ankle."""
 
@@ -91,13 +93,14 @@ def head_size(size: float) -> float:
     return 1.0 + 0.36 * min(max((1.62 - size) / 0.55, 0.0), 1.0)
 
 
-def joints_at(extent: Vector, phase: int, *, stoop: float = 0.0) -> Pose:
+def joints_at(extent: Vector, phase: int, *, stoop: float = 0.0, holds: bool = False) -> Pose:
     """Joints of a figure in its actor's frame: x forward, y right, origin at mid height.
 
     Args:
         extent: half sizes of the capsule's box, metres; the figure is as tall as the box.
         phase: 0 to :data:`PHASES`.
         stoop: how far neck and head are bent forward, metres of a figure of 1.8 m.
+        holds: the right hand is before the chest, and the arm does not swing.
 
     Raises:
         ValueError: there is no such phase.
@@ -110,6 +113,8 @@ def joints_at(extent: Vector, phase: int, *, stoop: float = 0.0) -> Pose:
         body = _moving(_WALK, (phase - 0.5) / WALK_PHASES)
     else:
         body = _moving(_RUN, (phase - WALK_PHASES - 0.5) / RUN_PHASES)
+    if holds:
+        body.arms[1] = _HOLDING
     size = size_m(extent)
     return _placed(body, size, head_size(size), stoop)
 

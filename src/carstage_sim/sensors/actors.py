@@ -13,7 +13,7 @@ import numpy as np
 from carstage_sim.content.doors import open_doors_mesh
 from carstage_sim.content.figures import Dress
 from carstage_sim.content.pedestrians import pedestrian_mesh, walking_meshes
-from carstage_sim.content.people import colours_of, dress_of, stoop_m
+from carstage_sim.content.people import colours_of, dress_of, has_umbrella, stoop_m
 from carstage_sim.content.posing import Pose as Joints
 from carstage_sim.content.props import prop_mesh
 from carstage_sim.content.street_furniture import traffic_light_mesh
@@ -33,6 +33,10 @@ from carstage_sim.world.walkers.gait import walk_phase
 
 _POSED = 256
 """Figures posed by clients whose joints are kept until their meshes are made."""
+_UMBRELLA = "+umbrella"
+"""Ends the figure in the keys of who has an open umbrella."""
+_RAIN_PERCENT = 10.0
+"""Precipitation above which umbrellas are open."""
 _BARE_STEEL = (152, 156, 160)
 
 
@@ -83,6 +87,7 @@ class ActorModels:
         self._light_keys = [f"traffic_light#{heads.index(head)}" for head in heads]
         self._figures: dict[str, str] = {}
         self._posed: dict[str, Joints] = {}
+        self._raining = False
         self._walking: dict[str, TriangleMesh] = {}
         self._stand_ins: dict[tuple[Dress, float, tuple[float, float, float]], str] = {}
         stored = MeshStore(self._built_in, self._identity, cache)
@@ -94,7 +99,7 @@ class ActorModels:
         if blueprint is None:
             return ()
         if blueprint.kind == ActorKind.WALKER:
-            return self.beside(f"{self._figure(type_id)}{QUICK}0")
+            return self.beside(f"{self._carried(type_id)}{QUICK}0")
         shown = blueprint.kind == ActorKind.VEHICLE or has_shape(type_id)
         return (type_id,) if shown else ()
 
@@ -110,6 +115,7 @@ class ActorModels:
     def placements(self, state: WorldState) -> list[Placement]:
         """The actors of a frame that have a shape, in the state's order."""
         rotations = rotation_matrix(state.rotation_deg).reshape(-1, 3, 3)
+        self._raining = state.weather.precipitation > _RAIN_PERCENT
         found: list[Placement] = []
         lights = 0
         for row, kind in enumerate(state.kind.tolist()):
@@ -140,14 +146,18 @@ class ActorModels:
         return found
 
     def _walker_key(self, state: WorldState, row: int) -> str:
-        figure = self._figure(state.type_id[row])
         joints = state.figures.get(int(state.actor_id[row]))
         if joints is None:
-            return f"{figure}{QUICK}{self._phase(state, row)}"
+            return f"{self._carried(state.type_id[row])}{QUICK}{self._phase(state, row)}"
         digest = hashlib.sha256(b"".join(np.asarray(j).tobytes() for j in astuple(joints)))
-        key = f"{figure}{PASSING}{digest.hexdigest()[:16]}"
+        key = f"{self._figure(state.type_id[row])}{PASSING}{digest.hexdigest()[:16]}"
         self._posed = {**self._posed, key: joints} if len(self._posed) < _POSED else {key: joints}
         return key
+
+    def _carried(self, type_id: str) -> str:
+        """The figure of a blueprint, with an umbrella if it rains and it has one."""
+        opens = self._raining and has_umbrella(type_id)
+        return self._figure(type_id) + (_UMBRELLA if opens else "")
 
     def _figure(self, type_id: str) -> str:
         """A blueprint of the same size and dress: figures differ in little but their colours."""
@@ -199,10 +209,12 @@ class ActorModels:
     def _walking_mesh(self, key: str) -> TriangleMesh:
         """The mesh of a phase; those beside it are made with it, as they are asked for next."""
         if key not in self._walking:
-            name, _, _ = key.partition(QUICK)
+            figure, _, _ = key.partition(QUICK)
+            name = figure.removesuffix(_UMBRELLA)
             keys = self.beside(key)
             phases = [int(one.partition(QUICK)[2]) for one in keys]
-            meshes = walking_meshes(name, self._catalogue[name].box_extent, phases)
+            extent, opens = self._catalogue[name].box_extent, figure != name
+            meshes = walking_meshes(name, extent, phases, umbrella=opens)
             self._walking = dict(zip(keys, meshes, strict=True))
         return self._walking.pop(key)
 

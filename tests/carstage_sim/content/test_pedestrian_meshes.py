@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 from carstage_sim.content.pedestrians import pedestrian_mesh, walking_joints, walking_meshes
-from carstage_sim.content.people import CHILDREN, ELDERLY, colours_of, dress_of
+from carstage_sim.content.people import (
+    CHILDREN,
+    ELDERLY,
+    POLICE,
+    colours_of,
+    dress_of,
+    has_umbrella,
+)
 from carstage_sim.content.walking import (
     PHASES,
     RUN_PHASES,
@@ -161,6 +168,67 @@ def test_blueprints_differ_in_their_clothes():
     # Officers wear the same, and are still two people.
     assert len(seen) >= len(WALKERS) - (len(police[0]) - 1)
     assert len({colours_of(b.id, 40)["skin"] for b in WALKERS}) >= 6
+
+
+UMBRELLAS = [b for b in WALKERS if has_umbrella(b.id)]
+
+
+def under_umbrella(blueprint, phases):
+    return walking_meshes(blueprint.id, blueprint.box_extent, phases, umbrella=True)
+
+
+def test_a_quarter_of_the_grown_up_have_umbrellas_children_and_officers_none():
+    grown = [b for b in WALKERS if b.attribute("age").value != "child"]
+    assert 0.25 < len(UMBRELLAS) / len(grown) < 0.5
+    numbers = {int(b.id.rpartition(".")[2]) for b in UMBRELLAS}
+    assert not numbers & {*CHILDREN, *POLICE}
+    without = next(b for b in WALKERS if not has_umbrella(b.id))
+    (mesh,) = under_umbrella(without, [0])
+    assert np.array_equal(mesh.vertices, walking(without.id, without.box_extent, 0).vertices)
+
+
+@pytest.mark.parametrize("blueprint", UMBRELLAS[:6], ids=lambda b: b.id)
+def test_an_umbrella_is_over_the_head_and_hardly_above_the_box(blueprint):
+    half, phases = blueprint.box_extent[2], range(PHASES + 1)
+    for phase, mesh in zip(phases, under_umbrella(blueprint, phases), strict=True):
+        dry = walking(blueprint.id, blueprint.box_extent, phase)
+        head = walking_joints(blueprint.id, blueprint.box_extent, phase).head
+        top = float(mesh.bounds[1, 2])
+        # 4 % of the height above the box, and a hand's breadth above what it keeps dry.
+        assert top < half * 1.08
+        assert top > float(dry.bounds[1, 2]) + 0.04
+        cloth = mesh.vertices[np.unique(mesh.triangles[mesh.material == Material.BAG])]
+        above = cloth[cloth[:, 2] > top - 0.20]
+        assert np.abs(above[:, :2].mean(axis=0) - head[:2]).max() < 0.12
+        assert 0.8 < np.ptp(above[:, 0]) < 1.05
+        assert set(mesh.tag.tolist()) == {CityObjectLabel.PEDESTRIANS}
+        np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=2), 1.0, atol=1e-5)
+    assert len(mesh.triangles) < len(dry.triangles) + 120
+
+
+def test_a_hand_that_holds_something_does_not_swing_and_the_other_does():
+    name = UMBRELLAS[0].id
+    poses = [walking_joints(name, ADULT, phase) for phase in range(1, WALK_PHASES + 1)]
+    swing = [np.ptp([p.hand[side][0] - p.neck[0] for p in poses]) for side in (0, 1)]
+    assert swing[0] > 0.3
+    assert swing[1] < 0.06
+    dry, wet = [*under_umbrella(UMBRELLAS[0], [3]), walking(name, UMBRELLAS[0].box_extent, 3)]
+    feet = [mesh.vertices[mesh.vertices[:, 2] < -0.8] for mesh in (dry, wet)]
+    assert np.array_equal(*feet), "rain changes what the hand holds, and nothing else"
+
+
+def test_shopping_bags_hang_upright_from_both_hands_above_the_ground():
+    carrying = [b for b in WALKERS if dress_of(b.id).bag == "shopping"]
+    assert len(carrying) >= 4
+    name, extent = carrying[0].id, carrying[0].box_extent
+    for phase in (0, 1, 13, 25, 37, WALK_PHASES + 9):
+        mesh, joints = walking(name, extent, phase), walking_joints(name, extent, phase)
+        for side, material in enumerate((Material.BAG, Material.SIGN_WHITE)):
+            bag = mesh.vertices[np.unique(mesh.triangles[mesh.material == material])]
+            bag = bag[bag[:, 2] < 0.3]
+            assert np.abs(bag.mean(axis=0) - joints.hand[side])[:2].max() < 0.03
+            assert -extent[2] + 0.15 < bag[:, 2].min() < joints.hand[side][2] - 0.38
+            assert bag[:, 2].max() < joints.hand[side][2]
 
 
 def test_the_old_are_grey_and_children_have_larger_heads():

@@ -7,11 +7,14 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from carstage_sim.content.people import has_umbrella
+from carstage_sim.content.walking import WALK_PHASES
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material, TriangleMesh
 from carstage_sim.sensors import actors
 from carstage_sim.sensors.mesh_store import MeshStore
-from sensor_worlds import box
+from carstage_sim.world.state import Weather
+from sensor_worlds import box, state
 
 
 class Maker:
@@ -77,3 +80,24 @@ def test_open_doors_have_the_label_of_their_vehicle_also_when_it_changes(
         monkeypatch.setattr(actors, "catalogue", lambda changed=changed: changed)
         mesh = actors.ActorModels(stage01, cache=tmp_path).mesh(f"{car}#1")
         assert label in mesh.tag
+
+
+@pytest.mark.parametrize("one", ["walker.pedestrian.0004", "walker.pedestrian.0001"])
+def test_umbrellas_are_open_while_it_rains(stage01, tmp_path, one):
+    models = actors.ActorModels(stage01, cache=tmp_path)
+
+    def model(precipitation: float, type_id: str = one) -> str:
+        shown = state(walkers=[(7, (3.0, 0.0, 1.0), 0.0)], weather=Weather(0.0, precipitation))
+        (placed,) = models.placements(replace(shown, type_id=(type_id,)))
+        assert placed.actor_id == 7, "the umbrella is its pedestrian's in pictures of instances"
+        return placed.model
+
+    dry, drizzle, rain, dry_again = (model(percent) for percent in (0.0, 5.0, 60.0, 0.0))
+    assert dry == drizzle == dry_again
+    assert (rain != dry) == has_umbrella(one)
+    meshes = [models.mesh(key) for key in (dry, rain)]
+    assert (meshes[1].bounds[1, 2] > meshes[0].bounds[1, 2] + 0.04) == has_umbrella(one)
+    assert models.keys_of(one)[0] == dry
+    model(60.0)
+    assert models.keys_of(one)[0] == rain, "what is spawned in rain is made with its umbrella"
+    assert len(models.beside(rain)) == 1 + WALK_PHASES

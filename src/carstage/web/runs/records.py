@@ -12,9 +12,9 @@ from typing import Any
 from carstage.runs.folder import SHORT_PLAN_VERSION
 from carstage.runs.keeping import LABEL_FILE, label_of
 from carstage.runs.reading import Alive, liveness, read_document
-from carstage.spec import EpisodeSpec
+from carstage.spec import DeviceDriverSpec, EpisodeSpec
 from carstage.storage.remote_path import DatasetPath, RemotePath
-from carstage.web.messages import RunSensor
+from carstage.web.messages import DrivenAtPage, RunSensor
 from carstage.web.roots import Roots
 from carstage.web.runs.launches import Launches
 
@@ -27,6 +27,7 @@ class RunPlan:
 
     Attributes:
         ticks, frames: over all episodes.
+        driven: how the ego of the first episode is driven at the page; None: otherwise.
     """
 
     config: Mapping[str, Any]
@@ -34,6 +35,7 @@ class RunPlan:
     ticks: int
     frames: int
     sensors: tuple[RunSensor, ...]
+    driven: DrivenAtPage | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,4 +162,16 @@ def read_plan(path: Path, _changed_ns: int) -> RunPlan | None:
             RunSensor(id=sensor.id, kind=sensor.kind)
             for sensor in (specs[0].written_sensors if specs else ())
         ),
+        driven=_driven(specs[0]) if specs else None,
+    )
+
+
+def _driven(spec: EpisodeSpec) -> DrivenAtPage | None:
+    driver = spec.ego.driver
+    if not isinstance(driver, DeviceDriverSpec) or not driver.at_page:
+        return None
+    return DrivenAtPage(
+        device=driver.kind,  # type: ignore[arg-type]
+        camera=driver.camera,
+        inputs=dict(driver.inputs),
     )

@@ -7,7 +7,7 @@ came is computed here from places, boxes and velocities of the record, on the gr
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -19,7 +19,7 @@ from carstage.annotation.classes import object_class
 from carstage.geometry import length, rotate, rotation_matrix
 from carstage.geometry.ground_rectangles import Rectangles, distance_m, overlap, time_to_collision_s
 from carstage.rawlog.reader import ActorInfo, WorldFrame
-from carstage.spec import EpisodeSpec
+from carstage.spec import EpisodeSpec, EventSpec, StoryPart
 
 HAPPENED: Final = "happened"
 NEVER_BEGAN: Final = "did not happen"
@@ -37,6 +37,12 @@ class _Story:
     reason: str = ""
     actors: tuple[int, ...] = ()
     running: list[WorldFrame] = field(default_factory=list)
+
+    def again(self) -> _Story:
+        """How it goes the next time; this time ends where it ran last."""
+        if self.running:
+            self.end_tick = self.running[-1].tick
+        return _Story(placed_tick=self.placed_tick, was_placed=True, actors=self.actors)
 
     def add(self, world: WorldFrame, state: Mapping[str, Any]) -> None:
         """Take note of a tick."""
@@ -62,7 +68,9 @@ class _Story:
 def event_rows(
     spec: EpisodeSpec, frames: Iterable[WorldFrame], actors: Mapping[int, ActorInfo], ego_id: int
 ) -> list[dict[str, Any]]:
-    """One row for each planned event, in the order of the configuration.
+    """One row for each planned event, in the order of the configuration or the file.
+
+    What a storyboard has happen several times has as many rows, one after the other.
 
     Args:
         spec: the episode.
@@ -70,13 +78,15 @@ def event_rows(
         actors: everybody that the record names.
         ego_id: actor id of the ego.
     """
-    planned = spec.scenario.events or ()
-    stories = [_Story() for _ in planned]
+    planned = spec.scenario.planned_events()
+    stories = [[_Story()] for _ in planned]
     for world in frames:
-        for story, state in zip(stories, world.meta["events"], strict=True):
-            story.add(world, state)
+        for executions, state in zip(stories, world.meta["events"], strict=True):
+            if state.get("execution", 1) > len(executions):
+                executions.append(executions[-1].again())
+            executions[-1].add(world, state)
     rows = []
-    for number, (event, story) in enumerate(zip(planned, stories, strict=True)):
+    for number, execution, event, story in _executions(planned, stories):
         if story.begin_tick is not None:
             state = HAPPENED
         else:
@@ -95,11 +105,23 @@ def event_rows(
                 "begin_s": _seconds(story.begin_tick, spec.fps),
                 "end_s": _seconds(story.end_tick, spec.fps),
                 "actors": list(story.actors) if began else [],
-                "parameters": json.dumps(event.parameters(), sort_keys=True, separators=(",", ":")),
+                "parameters": json.dumps(
+                    {**event.parameters(), **execution}, sort_keys=True, separators=(",", ":")
+                ),
                 **_outcome(story, actors, ego_id, event.nearest_counts),
             }
         )
     return rows
+
+
+def _executions(
+    planned: Sequence[EventSpec | StoryPart], stories: Sequence[Sequence[_Story]]
+) -> Iterator[tuple[int, dict[str, int], EventSpec | StoryPart, _Story]]:
+    """Number and further parameters of each time that an event happened, or did not."""
+    for number, (event, executions) in enumerate(zip(planned, stories, strict=True)):
+        for execution, story in enumerate(executions, 1):
+            counted = {"execution": execution} if isinstance(event, StoryPart) else {}
+            yield number, counted, event, story
 
 
 def _seconds(tick: int | None, fps: float) -> float | None:
@@ -109,7 +131,7 @@ def _seconds(tick: int | None, fps: float) -> float | None:
 def _outcome(
     story: _Story, actors: Mapping[int, ActorInfo], ego_id: int, nearest_counts: bool
 ) -> dict[str, float | int | bool | None]:
-    """How near ego and the event's first actor came while it went on, or the nearest of all."""
+    """How near the ego came to the first actor while it went on, or to the nearest of all."""
     outcome: dict[str, float | int | bool | None] = dict.fromkeys(
         ("min_distance", "min_distance_tick", "min_ttc", "min_ttc_tick", "collision",
          "ego_speed_begin", "ego_deceleration")
@@ -123,7 +145,8 @@ def _outcome(
     turned = rotation_matrix(np.array([world.rotation_deg[row] for world, row in pairs]))
     along = rotate(np.swapaxes(turned, 1, 2), acceleration)[:, 0]
     outcome["ego_deceleration"] = float(max(-along.min(), 0.0))
-    counted = story.actors if nearest_counts else story.actors[:1]
+    others = [one for one in story.actors if one != ego_id]
+    counted = others if nearest_counts else others[:1]
     nearness = [_nearness(story.running, actors[ego_id], actors[one]) for one in counted]
     known = [one for one in nearness if one is not None]
     if not known:

@@ -96,7 +96,7 @@ class ClassDriver(Section):
 
 
 class _Device(Section):
-    """A person drives in a window (extra `drive`)."""
+    """A person drives, in a window (extra `drive`) or in the page."""
 
     #: What an axis or a button of it does: names of keys.
     inputs: ClassVar[tuple[str, ...]] = ()
@@ -107,6 +107,13 @@ class _Device(Section):
         description="Sensor whose pictures the window shows; left out: the first `rgb` camera.",
         group="ego",
         min_length=1,
+    )
+    where: Literal["window", "page"] = setting(
+        "window",
+        title="Where",
+        description="Where you drive: in a window on the machine that records (extra `drive`), or "
+        "in the page of the run.",
+        group="ego",
     )
     take: int = setting(
         1,

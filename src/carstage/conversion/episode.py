@@ -452,7 +452,7 @@ class EpisodeConversion:
 
     def _write_events(self, log: EpisodeLog, actors: Mapping[int, ActorInfo]) -> None:
         """Write the table of events, where any are planned."""
-        if log.spec.scenario.events is None:
+        if not log.spec.scenario.planned_events():
             return
         rows = event_rows(log.spec, self._ticks(log), actors, int(log.header["ego_id"]))
         self._write_table(rows_to_table(rows, EVENT_COLUMNS, EVENTS), EVENTS)

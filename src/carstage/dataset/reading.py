@@ -416,7 +416,7 @@ class Episode:
 
     def events(self) -> pa.Table | None:
         """``events.parquet``: one row per planned event; ``None`` where none was planned."""
-        if self.spec.scenario.events is None:
+        if not self.spec.scenario.planned_events():
             return None
         return read_table(self.folder / "events.parquet")
 

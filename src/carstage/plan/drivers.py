@@ -65,7 +65,8 @@ def plan_driver(config: Config, driver: Driver) -> DriverSpec | None:
     if isinstance(driver, DeviceDriver):
         camera = driver.camera or config.colour_cameras[0]
         inputs = {name: getattr(driver, name) for name in driver.inputs}
-        return DeviceDriverSpec(driver.kind, camera, driver.take, inputs)
+        at_page = driver.where == "page"
+        return DeviceDriverSpec(driver.kind, camera, driver.take, inputs, at_page)
     raise ConfigError(
         f"ego.driver.episode: {driver.episode} was not read.",
         "Give the folder of a recorded episode.",

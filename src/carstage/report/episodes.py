@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter, OrderedDict, defaultdict
 from collections.abc import Mapping
 from html import escape
@@ -36,6 +37,7 @@ from carstage.report.messages import messages_section
 from carstage.report.occupancy import occupancy_section
 from carstage.sensor_kinds.columns import Detection
 from carstage.sensor_kinds.model import CAMERAS, CLOUDS, COLOUR, DETECTIONS, ROWS
+from carstage.spec import STORY_ACTION, STORY_EVENT
 from carstage.validation.checks.findings import Findings
 from carstage.validation.checks.labels import LabelledBox, LabelTables, labelled_boxes
 
@@ -102,7 +104,7 @@ def _events(episode: Episode) -> str:
         near = "" if row["min_distance"] is None else f"{row['min_distance']:.1f} m"
         rows.append(
             (
-                row["kind"],
+                _event_name(row),
                 row["state"] if began else f"{row['state']}: {row['reason']}",
                 f"{row['begin_s']:.1f} s to {until}" if began else "",
                 ", ".join(str(track) for track in row["actors"]),
@@ -127,6 +129,16 @@ def _agents_views(pictures: EpisodePictures) -> str:
             title = f"{view.agent_name}, {sensor.id} with 3D boxes, "
             shown.append(own.boxes_3d(sensor, own.fullest_frames(sensor, 1), title))
     return f'<div class="grid below">{"".join(shown)}</div>' if any(shown) else ""
+
+
+def _event_name(row: Mapping[str, Any]) -> str:
+    """Kind of an event; of a storyboard's, what the file calls it."""
+    if row["kind"] not in (STORY_EVENT, STORY_ACTION):
+        return str(row["kind"])
+    part = json.loads(row["parameters"])
+    name = part["event"] if row["kind"] == STORY_EVENT else f"{part['event']}: {part['action']}"
+    again = f" ({part['execution']})" if part["execution"] > 1 else ""
+    return f"{name}{again}"
 
 
 def showcase(pictures: EpisodePictures) -> str:

@@ -33,6 +33,8 @@ _RUN_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 State = Literal["planning", "starting", "recording", "converting", "done", "failed", "interrupted"]
 FINAL_STATES = ("done", "failed", "interrupted")
 PROCESS_FILE = "process.json"
+INPUTS_FILE = "driving/inputs.json"
+"""What a driver at the page presses; its server writes it, whole each time."""
 RESTED_S = 60.0
 """A run's heartbeat may rest for so long while it commits an episode."""
 

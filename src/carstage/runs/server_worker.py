@@ -34,7 +34,7 @@ from carstage.runs.explaining import (
     explain_end,
     explain_loss,
 )
-from carstage.runs.folder import RunFolder
+from carstage.runs.folder import INPUTS_FILE, RunFolder
 from carstage.runs.interruption import GIVE_BACK_S, Interruption
 from carstage.runs.servers import ServerSetup
 from carstage.runs.watching import AttemptWatch, Limits
@@ -279,6 +279,7 @@ class ServerWorker:
                 *event_plugins(spec.scenario.events),
             ],
             "driver_folders": self._setup.driver_folders,
+            "inputs_file": str((self._folder.path / INPUTS_FILE).absolute()),
             **self._setup.program,
             "server": {
                 "host": endpoint.host,

@@ -53,6 +53,7 @@ from carstage.spec.sensors import (
     PoseSpec,
     SensorSpec,
 )
+from carstage.spec.story_parts import STORY_ACTION, STORY_EVENT, StoryPart, taking_part
 from carstage.spec.timing import SavedSteps, TimingSpec
 from carstage.spec.variants import VariantSpec, is_variant_name
 
@@ -67,6 +68,8 @@ __all__ = [
     "ON_MAP",
     "RIGID",
     "SPEC_VERSION",
+    "STORY_ACTION",
+    "STORY_EVENT",
     "AgentSeeds",
     "AgentSpec",
     "AutopilotSpec",
@@ -104,6 +107,7 @@ __all__ = [
     "SpecError",
     "Stand",
     "StationarySpec",
+    "StoryPart",
     "StoryboardSpec",
     "TimingSpec",
     "TrafficSpec",
@@ -117,4 +121,5 @@ __all__ = [
     "is_variant_name",
     "known_events",
     "stream_of",
+    "taking_part",
 ]

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any, Dict, Mapping, NamedTuple, Optional, Tuple, Type, Union
 
 from carstage.spec.fields import Fields, SpecError, is_number, shown
+from carstage.spec.plain import LEFT_OUT
 
 LEFT, STRAIGHT, RIGHT = "left", "straight", "right"
 TURNS = (LEFT, STRAIGHT, RIGHT)
@@ -99,12 +100,14 @@ class DeviceDriverSpec(DriverSpec):
         camera: sensor whose pictures the window shows.
         take: number of the drive, so that one scene can be driven several times.
         inputs: numbers of the device's axes and buttons, by what they do; none of a keyboard.
+        at_page: the person is at the page, and not at a window of the collector.
     """
 
     kind: str
     camera: str
     take: int = 1
     inputs: Mapping[str, int] = field(default_factory=dict)
+    at_page: bool = field(default=False, metadata=LEFT_OUT)
 
     @classmethod
     def read(cls, section: Fields) -> DeviceDriverSpec:
@@ -115,6 +118,7 @@ class DeviceDriverSpec(DriverSpec):
             section.text("camera"),
             section.integer("take", 1),
             {name: inputs.integer(name, 0) for name in section.numbers("inputs")},
+            section.flag("at_page") if "at_page" in section else False,
         )
 
 

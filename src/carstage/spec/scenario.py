@@ -10,6 +10,7 @@ from carstage.spec.events import EventSpec, read_events
 from carstage.spec.fields import Fields, SpecError, is_number, shown
 from carstage.spec.plain import LEFT_OUT, plain
 from carstage.spec.scene import Place
+from carstage.spec.story_parts import StoryPart, story_parts
 from carstage.spec.storyboard import StoryAct, StoryEntity, Trigger, read_trigger
 
 Pose = Tuple[float, ...]
@@ -46,6 +47,10 @@ class ScenarioSpec:
         """Check and read the section of this kind, for an episode of so many steps."""
         del fields, steps
         return cls()
+
+    def planned_events(self) -> Tuple[Union[EventSpec, StoryPart], ...]:
+        """What is to happen, one for each object that the record has in ``events``."""
+        return self.events or ()
 
     def to_json(self) -> Dict[str, Any]:
         """The JSON form."""
@@ -217,6 +222,10 @@ class StoryboardSpec(ScenarioSpec):
             raise SpecError("%s: is empty." % fields.path("entities"))
         acts = tuple(map(StoryAct.read, fields.objects("acts")))
         return cls(entities, acts, read_trigger(fields, "stop"))
+
+    def planned_events(self) -> Tuple[StoryPart, ...]:
+        """Each event of the storyboard, followed by its actions."""
+        return story_parts(self.acts)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,9 @@ of pictures only the newest of each channel, so a slow one skips pictures instea
 from __future__ import annotations
 
 import asyncio
+import json
 import logging
+import threading
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -17,6 +19,8 @@ from pathlib import Path
 from fastapi import WebSocket, WebSocketDisconnect
 from pydantic import ValidationError
 
+from carstage.files.whole import write_whole
+from carstage.runs.folder import INPUTS_FILE
 from carstage.web.configure.store import ConfigStore
 from carstage.web.datasets.jobs import JobService
 from carstage.web.loading import load
@@ -27,6 +31,7 @@ from carstage.web.messages import (
     ConfigMessage,
     ConfigState,
     DatasetsMessage,
+    DriveMessage,
     JobMessage,
     LogMessage,
     Message,
@@ -35,6 +40,7 @@ from carstage.web.messages import (
     RunSummary,
     SnapshotMessage,
     TicksMessage,
+    WatchMessage,
 )
 from carstage.web.preview.run_previews import Previews
 from carstage.web.roots import Roots
@@ -77,7 +83,7 @@ class _Client:
         self.lost = len(self.texts) > _MOST_PENDING  # it does not read any more
         self.wake.set()
 
-    def watch(self, message: ClientMessage) -> None:
+    def watch(self, message: WatchMessage) -> None:
         if message.run_id != self.run_id:
             self.run_id, self.fresh = message.run_id, True
             self.pictures.clear()
@@ -127,6 +133,7 @@ class LiveHub:
         self._previews = previews
         self._roots = roots
         self._clients: set[_Client] = set()
+        self._driving = threading.Lock()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._summaries: dict[str, RunSummary] = {}
         self._runs_sent: list[tuple[str, int]] = []
@@ -172,7 +179,11 @@ class LiveHub:
             while True:
                 text = await socket.receive_text()
                 with suppress(ValidationError):  # of a newer page: unknown messages are ignored
-                    client.watch(ClientMessage.model_validate_json(text))
+                    message = ClientMessage.model_validate_json(text).root
+                    if isinstance(message, WatchMessage):
+                        client.watch(message)
+                    else:
+                        await asyncio.to_thread(self._drive, message)
         except (WebSocketDisconnect, KeyError, RuntimeError):
             pass  # gone, or it has sent bytes
         finally:
@@ -187,6 +198,18 @@ class LiveHub:
         for client in list(self._clients):
             with suppress(*_GONE):
                 await client.socket.close(1001)
+
+    def _drive(self, message: DriveMessage) -> None:
+        """Hand on what is pressed, to a run that is driven at the page; in a thread."""
+        run = self._summaries.get(message.run_id)
+        folder = self._runs.folder(message.run_id)
+        if run is None or run.driven is None or run.alive != "running" or folder is None:
+            return
+        state = message.model_dump(include={"sender", "sequence", "held", "presses", "axes"})
+        path = folder / INPUTS_FILE
+        with self._driving, suppress(OSError):  # the run was removed
+            path.parent.mkdir(exist_ok=True)
+            write_whole(path, json.dumps(state).encode())
 
     def _snapshot(self) -> SnapshotMessage:
         runs = self._runs.summaries()

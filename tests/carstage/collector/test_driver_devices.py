@@ -12,7 +12,7 @@ import pytest
 pygame = pytest.importorskip("pygame", reason="the extra drive is not installed")
 
 from carstage.collector.drivers.base import Observation  # noqa: E402
-from carstage.collector.drivers.devices import device_driver  # noqa: E402
+from carstage.collector.drivers.devices import device_driver, take_event  # noqa: E402
 from carstage.collector.drivers.driving import command_of  # noqa: E402
 from carstage.collector.drivers.inputs import Gamepad, Inputs, Keyboard, Wheel  # noqa: E402
 from carstage.collector.internals.errors import DriverError  # noqa: E402
@@ -36,7 +36,7 @@ def post(kind: int, **fields: Any) -> None:
 
 def command(inputs: Inputs, gear: int = 1) -> Command:
     for event in pygame.event.get():
-        inputs.take(event)
+        take_event(inputs, event)
     return inputs.command(STEP_S, gear)
 
 

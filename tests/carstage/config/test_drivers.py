@@ -48,6 +48,7 @@ def test_short_forms_stand_for_sections() -> None:
         "{kind: class, name: 'mine:Slalom', parameters: {a: 0.5, b: 3, c: true, d: fast}}",
         "keyboard",
         "{kind: wheel, throttle_axis: 7, take: 3}",
+        "{kind: gamepad, where: page}",
     ],
 )
 def test_the_json_form_gives_the_specification_back(driver: str) -> None:
@@ -55,6 +56,15 @@ def test_the_json_form_gives_the_specification_back(driver: str) -> None:
     again = EpisodeSpec.from_json(json.loads(spec.canonical_json()))
     assert again == spec
     assert again.episode_id == spec.episode_id != spec_of("autopilot").episode_id
+
+
+def test_a_device_in_a_window_has_the_id_that_it_had() -> None:
+    window = spec_of("{kind: gamepad, where: window}")
+    assert window == spec_of("gamepad")
+    assert "at_page" not in window.to_json()["ego"]["driver"]
+    at_page = spec_of("{kind: gamepad, where: page}")
+    assert at_page.to_json()["ego"]["driver"]["at_page"] is True
+    assert at_page.episode_id != window.episode_id
 
 
 def test_parameters_and_takes_are_part_of_the_id_and_folders_are_not() -> None:

@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import base64
 import io
+import json
 import re
 import shutil
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 from PIL import Image
 
 import analytic_dataset
-from carstage.dataset import Dataset
+from carstage.dataset import Dataset, Episode
 from carstage.errors import BadInputError
 from carstage.report import film, html, write_report, write_validation
 from carstage.report.coverage import coverage_section
+from carstage.report.episodes import _events
 from carstage.report.statistics import bin_names
 from carstage.validation import Problem, ValidationReport, validate_dataset
 from carstage.validation.checks.catalogue import RULES
@@ -203,3 +207,27 @@ def test_the_documentation_names_every_check() -> None:
 def test_a_problem_of_no_check_is_refused() -> None:
     with pytest.raises(ValueError, match="hulk"):
         Findings("e").add("hulk", "green")
+
+
+def test_events_of_a_storyboard_go_by_their_names_in_the_file() -> None:
+    story = {"act": "A", "group": "G", "maneuver": "M", "event": "Cut in", "execution": 2}
+    row = {
+        "state": "happened", "begin_s": 1.0, "end_s": None, "actors": [7], "min_ttc": None,
+        "min_distance": 3.21, "collision": False, "reason": None,
+    }  # fmt: skip
+    rows = [
+        {**row, "kind": "storyboard_event", "parameters": json.dumps(story)},
+        {
+            **row,
+            "kind": "storyboard_action",
+            "parameters": json.dumps({**story, "action": "Left", "execution": 1}),
+        },
+        {**row, "kind": "cut_in", "parameters": "{}"},
+    ]
+    episode = SimpleNamespace(events=lambda: SimpleNamespace(to_pylist=lambda: rows))
+    text = parse(_events(cast(Episode, episode))).text
+    assert [one for one in text if one in {"Cut in (2)", "Cut in: Left", "cut_in"}] == [
+        "Cut in (2)", "Cut in: Left", "cut_in",
+    ]  # fmt: skip
+    assert text.count("1.0 s to the end") == 3
+    assert text.count("3.2 m") == 3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -188,6 +189,102 @@ def test_the_specification_holds_what_the_file_says(played: Episode, folder: Pat
     assert isinstance(played.spec.scenario, StoryboardSpec)
     assert [one.name for one in played.spec.scenario.entities] == [HERO, LEAD, "parked", WALKER]
     assert carstage.validate(folder / "out").ok
+
+
+def rows_of(episode: Episode) -> dict[str, dict[str, Any]]:
+    """Rows of ``events.parquet`` by the name of the event, or of the action, in the file."""
+    table = episode.events()
+    assert table is not None
+    found = {}
+    for row in table.to_pylist():
+        part = json.loads(row["parameters"])
+        found[part.get("action", part["event"])] = {**row, **part}
+    return found
+
+
+def test_the_table_of_events_says_when_each_event_of_the_file_was(played: Episode) -> None:
+    hero, lead = track(played, "hero"), track(played, LEAD)
+    gap_m = lead.at[:, 0] - hero.at[:, 0] - lead.half_m - hero.half_m
+    k = int(np.argmax(gap_m > GAP_M))
+    rows = rows_of(played)
+    assert list(rows) == [
+        "CutIn", "CutIn0", "Brake", "Brake0", "Walk", "Walk0", "Slow", "Slow0",
+    ]  # fmt: skip
+    assert {row["state"] for row in rows.values()} == {"happened"}
+    steps = round(CHANGE_S * FPS)
+    cut_in, action = rows["CutIn"], rows["CutIn0"]
+    assert (cut_in["begin_tick"], cut_in["end_tick"]) == (k + 1, k + steps)
+    assert (action["begin_tick"], action["end_tick"]) == (k + 1, k + steps)
+    assert (cut_in["kind"], action["kind"]) == ("storyboard_event", "storyboard_action")
+    assert (action["does"], action["entities"], action["execution"]) == ("lane_change", [LEAD], 1)
+    assert cut_in["begin_s"] == pytest.approx((k + 1) * STEP_S)
+    assert lead.at[cut_in["begin_tick"], 1] > LEFT_Y
+    first = rows["Brake"]["begin_tick"]
+    assert first == k + steps + 1 + FPS // 2
+    assert lead.velocity[first - 1, 0] == pytest.approx(10.0, abs=0.05)
+    assert lead.velocity[first, 0] < 10.0
+    # From the step after 5 s it slows for 2 s.
+    assert rows["Slow"]["begin_tick"] == round(5.0 * FPS) + 2
+    assert rows["Slow"]["end_s"] - rows["Slow"]["begin_s"] == pytest.approx(2.0 - STEP_S)
+
+
+def test_the_table_of_events_says_who_acted_and_how_near_they_came(played: Episode) -> None:
+    rows = rows_of(played)
+    ids = {row["role_name"]: row["track_id"] for row in played.objects().to_pylist()}
+    assert rows["CutIn"]["actors"] == rows["CutIn0"]["actors"] == [ids[LEAD]]
+    assert rows["Walk"]["actors"] == [ids[WALKER]]
+    hero, lead = track(played, "hero"), track(played, LEAD)
+    brake = rows["Brake"]
+    during = slice(brake["begin_tick"], brake["end_tick"] + 1)
+    gap_m = lead.at[during, 0] - hero.at[during, 0] - lead.half_m - hero.half_m
+    assert brake["min_distance"] == pytest.approx(gap_m.min(), abs=0.02)
+    assert brake["min_ttc"] is not None
+    assert brake["collision"] == bool(gap_m.min() <= 0.0)
+    # The ego alone slows, and the event names nobody else.
+    slow = rows["Slow"]
+    assert slow["actors"] == [ids["hero"]]
+    assert (slow["min_distance"], slow["min_ttc"], slow["collision"]) == (None, None, None)
+    assert slow["ego_deceleration"] > 3.0
+
+
+def test_an_event_that_never_begins_says_why_and_one_that_happens_again_has_rows(
+    simulator: RunningSimulator, tmp_path: Path
+) -> None:
+    faster = '<SpeedCondition value="1.1" rule="lessThan"/>'
+    slower = '<SpeedCondition value="2.9" rule="greaterThan"/>'
+    go, wait = speed(3.0, "linear", "time", 0.5), speed(1.0, "linear", "time", 0.5)
+    events = [
+        event("Go", [go], when(of(LEAD, faster), edge="none"), most=2),
+        event("Wait", [wait], when(of(LEAD, slower), edge="none"), priority="skip", most=2),
+        event("Late", [go], when(at(60.0))),
+    ]
+    file = tmp_path / "again.xosc"
+    placed_there = [placed(HERO, LANE.format(-2, 5)), placed(LEAD, LANE.format(-1, 11), 1.0)]
+    file.write_text(scenario(ENTITIES[:2], placed_there, [group(LEAD, *events)]))
+    episode = record(tmp_path / "out", configuration(simulator, file, duration_s=5.0))
+    table = episode.events()
+    assert table is not None
+    rows = [{**row, **json.loads(row["parameters"])} for row in table.to_pylist()]
+    whole = [row for row in rows if row["kind"] == "storyboard_event"]
+    assert [(row["event"], row["execution"], row["state"]) for row in whole] == [
+        ("Go", 1, "happened"), ("Go", 2, "happened"), ("Wait", 1, "happened"),
+        ("Wait", 2, "happened"), ("Late", 1, "did not happen"),
+    ]  # fmt: skip
+    assert whole[-1]["reason"] == "its trigger did not hold"
+    begins = [row["begin_tick"] for row in whole[:-1]]
+    assert begins[0] < begins[2] < begins[1] < begins[3]
+    assert all(row["end_tick"] - row["begin_tick"] == FPS // 2 - 1 for row in whole[:-1])
+    assert carstage.validate(tmp_path / "out").ok
+
+
+def test_the_same_file_recorded_twice_has_the_same_bytes(
+    simulator: RunningSimulator, played: Episode, folder: Path, tmp_path: Path
+) -> None:
+    again = record(tmp_path / "out", configuration(simulator, folder / "story.xosc"))
+    assert again.id == played.id
+    hashes = [{one.path: one.hash for one in each.marker.files} for each in (played, again)]
+    assert "events.parquet" in hashes[0]
+    assert hashes[0] == hashes[1]
 
 
 def test_a_driver_drives_the_ego_and_conditions_look_at_it(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -60,8 +61,8 @@ def row(spec: EpisodeSpec) -> dict[str, Any]:
     return found
 
 
-def problems(spec: EpisodeSpec, row: dict[str, Any]) -> list[str]:
-    table = rows_to_table([row], EVENT_COLUMNS, "events.parquet")
+def problems(spec: EpisodeSpec, *rows: dict[str, Any]) -> list[str]:
+    table = rows_to_table(rows, EVENT_COLUMNS, "events.parquet")
     episode = SimpleNamespace(spec=spec, events=lambda: table)
     ledger = pa.table({"tick": range(STEPS), "k": range(STEPS)})
     objects = pa.Table.from_pylist(
@@ -140,3 +141,89 @@ def test_what_was_changed_is_found(
 ) -> None:
     (found, *_) = problems(spec, {**row, **change})
     assert words in found
+
+
+STORY = {
+    "kind": "storyboard",
+    "entities": [
+        {"name": name, "blueprint": "vehicle.tesla.model3", "attributes": {}, "speed_m_s": 0.0,
+         "place": {"kind": "world", "x_m": 0.0, "y_m": 0.0, "z_m": 0.0, "yaw_deg": 0.0}}
+        for name in ("hero", "lead")
+    ],
+    "acts": [
+        {"name": "Act", "start": None, "stop": [], "groups": [
+            {"name": "Group", "actors": ["lead"], "maneuvers": [
+                {"name": "Maneuver", "events": [
+                    {"name": "Jump", "priority": "parallel", "most": 2, "start": None, "actions": [
+                        {"kind": "teleport", "name": "There",
+                         "place": {"kind": "world", "x_m": 1.0, "y_m": 0.0, "z_m": 0.0,
+                                   "yaw_deg": 0.0}}
+                    ]}
+                ]}
+            ]}
+        ]}
+    ],
+    "stop": [],
+}  # fmt: skip
+
+
+def story_frame(tick: int, *states: tuple[str, int], actors: tuple[int, ...]) -> WorldFrame:
+    """Frame in which the parts of the storyboard stand so: state and number of execution."""
+    plain = frame(tick, "running")
+    meta = {
+        "events": [
+            {"state": state, "actors": list(actors), "reason": "wait", "execution": number}
+            for state, number in states
+        ]
+    }
+    return dataclasses.replace(plain, meta=meta)
+
+
+def story_rows(spec: EpisodeSpec, actors: tuple[int, ...] = (CAR,)) -> list[dict[str, Any]]:
+    """It happens from tick 5 to 9, and in tick 10 alone."""
+    states = [("placed", 1)] * 5 + [("running", 1)] * 5 + [("running", 2)]
+    states += [("ended", 2)] * (STEPS - len(states))
+    frames = [story_frame(tick, each, each, actors=actors) for tick, each in enumerate(states)]
+    known = {one: actor(one) for one in (EGO, CAR, FAR_CAR)}
+    return event_rows(spec, frames, known, EGO)
+
+
+@pytest.fixture
+def story() -> EpisodeSpec:
+    return EpisodeSpec.from_json({**analytic_scene.spec(steps=STEPS), "scenario": STORY})
+
+
+def test_what_a_storyboard_has_happen_again_has_a_row_for_each_time(story: EpisodeSpec) -> None:
+    rows = story_rows(story)
+    assert [(row["event"], row["kind"]) for row in rows] == [
+        (0, "storyboard_event"), (0, "storyboard_event"),
+        (1, "storyboard_action"), (1, "storyboard_action"),
+    ]  # fmt: skip
+    assert [(row["placed_tick"], row["begin_tick"], row["end_tick"]) for row in rows[:2]] == [
+        (0, 5, 9), (0, 10, 10),
+    ]  # fmt: skip
+    assert '"execution":2' in rows[1]["parameters"]
+    assert rows[1]["min_distance"] == pytest.approx(40.0 - 10.0 - 4.4)
+    assert problems(story, *rows) == []
+
+
+def test_the_ego_is_no_distance_from_itself(story: EpisodeSpec) -> None:
+    assert {row["min_distance"] for row in story_rows(story, (EGO,))} == {None}
+    rows = story_rows(story, (EGO, FAR_CAR))
+    assert rows[0]["min_distance"] == pytest.approx(90.0 - 9.0 - 4.4)
+    assert rows[0]["actors"] == [EGO, FAR_CAR]
+    assert problems(story, *rows) == []
+
+
+def test_rows_that_a_storyboard_cannot_have_are_found(story: EpisodeSpec) -> None:
+    rows = story_rows(story)
+    third = {
+        **rows[1],
+        "parameters": rows[1]["parameters"].replace('"execution":2', '"execution":3'),
+    }
+    for wrong in (rows[1:], [*rows[:2], third, *rows[2:]], rows[2:] + rows[:2]):
+        (found, *_) = problems(story, *wrong)
+        assert "planned" in found
+    alone = {**rows[0], "actors": [EGO]}
+    (found, *_) = problems(story, alone, *rows[1:])
+    assert "only the ego" in found

@@ -1,5 +1,5 @@
 import { createStore } from "../state/store";
-import type { Channel, ClientMessage, ConfigState, Job, LiveMessage, LoadPoint, LogLine, RunSummary, TickPoint } from "./types";
+import type { Channel, ClientMessage, ConfigState, DriveMessage, Job, LiveMessage, LoadPoint, LogLine, RunSummary, TickPoint } from "./types";
 
 /** What the server sends unasked: runs, the watched run's log and ticks, jobs. */
 export interface Live {
@@ -26,6 +26,7 @@ const MOST_TICKS = 3000;
 const FIRST_WAIT_MS = 250;
 const LONGEST_WAIT_MS = 4000;
 const HEADER_BYTES = 8;
+const MOST_WAITING_BYTES = 4096;
 
 export const live = createStore<Live>({
   connection: "connecting",
@@ -96,6 +97,13 @@ function sendWatch(): void {
     previews: wanted.previews && document.visibilityState === "visible",
   };
   socket.send(JSON.stringify(message));
+}
+
+/** Send what is pressed; whether it went: nothing waits for a slow connection. */
+export function sendDrive(message: DriveMessage): boolean {
+  if (socket?.readyState !== WebSocket.OPEN || socket.bufferedAmount > MOST_WAITING_BYTES) return false;
+  socket.send(JSON.stringify(message));
+  return true;
 }
 
 function receive(message: LiveMessage): void {

@@ -1110,26 +1110,9 @@ export interface components {
         };
         /**
          * ClientMessage
-         * @description What a client sends: which run it looks at, and whether it wants pictures.
+         * @description Any message of a client.
          */
-        ClientMessage: {
-            /**
-             * Type
-             * @default watch
-             * @constant
-             */
-            type: "watch";
-            /**
-             * Run Id
-             * @default null
-             */
-            run_id: string | null;
-            /**
-             * Previews
-             * @default false
-             */
-            previews: boolean;
-        };
+        ClientMessage: components["schemas"]["WatchMessage"] | components["schemas"]["DriveMessage"];
         /**
          * CommandRequest
          * @description What the command shall do.
@@ -1521,6 +1504,60 @@ export interface components {
                 [key: string]: {
                     [key: string]: string;
                 };
+            };
+        };
+        /**
+         * DriveMessage
+         * @description What is pressed at a client's device, for the run that it drives; the newest one counts.
+         *
+         *     Attributes:
+         *         sender: the page, by a random name.
+         *         sequence: number of the message, of that page.
+         *         held: keys and buttons that are down: SDL's names of keys, ``button`` and its number.
+         *         presses: how often each went down so far.
+         *         axes: where each axis stands; those of a pad are numbered as SDL does.
+         */
+        DriveMessage: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            type: "drive";
+            /** Run Id */
+            run_id: string;
+            /** Sender */
+            sender: string;
+            /** Sequence */
+            sequence: number;
+            /** Held */
+            held: string[];
+            /** Presses */
+            presses: {
+                [key: string]: number;
+            };
+            /** Axes */
+            axes: number[];
+        };
+        /**
+         * DrivenAtPage
+         * @description Who drives a run's ego at the page.
+         *
+         *     Attributes:
+         *         device: what is driven with.
+         *         camera: sensor whose pictures the driver sees.
+         *         inputs: numbers of the device's axes and buttons, by what they do; none of a keyboard.
+         */
+        DrivenAtPage: {
+            /**
+             * Device
+             * @enum {string}
+             */
+            device: "keyboard" | "gamepad" | "wheel";
+            /** Camera */
+            camera: string;
+            /** Inputs */
+            inputs: {
+                [key: string]: number;
             };
         };
         /**
@@ -2588,6 +2625,7 @@ export interface components {
          *         resumable: it has ended, and something of it is missing that the same command would record.
          *         again: why the episode under way is recorded once more; None: it is its first attempt.
          *         workers: each of several workers; empty where there is one.
+         *         driven: how its ego is driven at the page; None: otherwise.
          */
         RunSummary: {
             /** Run Id */
@@ -2657,6 +2695,7 @@ export interface components {
             again?: string | null;
             /** Workers */
             workers?: components["schemas"]["WorkerMessage"][];
+            driven?: components["schemas"]["DrivenAtPage"] | null;
         };
         /**
          * RunsMessage
@@ -2991,7 +3030,7 @@ export interface components {
              * @default camera_objects
              * @enum {string}
              */
-            table: "objects" | "camera_objects" | "ego" | "frames";
+            table: "objects" | "camera_objects" | "ego" | "events" | "frames";
             /** Episode */
             episode?: string | null;
             /** Filters */
@@ -3179,6 +3218,27 @@ export interface components {
             wheels: number;
             /** Colors */
             colors: string[];
+        };
+        /**
+         * WatchMessage
+         * @description Which run a client looks at, and whether it wants pictures.
+         */
+        WatchMessage: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            type: "watch";
+            /**
+             * Run Id
+             * @default null
+             */
+            run_id: string | null;
+            /**
+             * Previews
+             * @default false
+             */
+            previews: boolean;
         };
         /**
          * WorkerMessage

@@ -20,6 +20,10 @@ export const TABLES: Record<TableName, TableLook> = {
     title: "Ego",
     usual: ["episode_id", "k", "timestamp_s", "speed", "throttle", "brake", "steer", "speed_limit_kmh", "location"],
   },
+  events: {
+    title: "Events",
+    usual: ["episode_id", "k", "kind", "state", "reason", "begin_s", "end_s", "actors", "min_distance", "min_ttc", "collision", "parameters"],
+  },
   frames: { title: "Frames", usual: [] },
 };
 
@@ -40,6 +44,11 @@ const HEADINGS: Record<string, string> = {
   bbox_amodal: "whole 2D box",
   speed_limit_kmh: "speed limit",
   timestamp_s: "time",
+  begin_s: "begin",
+  end_s: "end",
+  actors: "tracks",
+  min_distance: "nearest",
+  min_ttc: "least time to collision",
 };
 /** What the schema gives as a unit, but what are the values that there may be. */
 const UNITS = new Set(["m", "s", "deg", "rad", "m/s", "m/s²", "rad/s", "px", "km/h"]);

@@ -14,7 +14,7 @@ export interface TableAddress {
   all: boolean;
 }
 
-const NAMES: readonly TableName[] = ["camera_objects", "objects", "ego", "frames"];
+const NAMES: readonly TableName[] = ["camera_objects", "objects", "ego", "events", "frames"];
 const OPS: readonly string[] = ["eq", "ne", "lt", "le", "gt", "ge", "contains"];
 
 export function readTable(query: URLSearchParams): TableAddress {

@@ -3,10 +3,12 @@ import { href } from "../app/routes";
 import { live, watch } from "../api/live";
 import type { RunSummary } from "../api/types";
 import { useStore } from "../state/store";
+import { DrivePanel } from "./DrivePanel";
 import { LogView } from "./LogView";
 import { Progress } from "./Progress";
 import { RunHead } from "./RunHead";
 import { RunList } from "./RunList";
+import { isActive } from "./states";
 import { Thumbnails } from "./Thumbnails";
 import { TickPlots } from "./TickPlots";
 
@@ -39,6 +41,7 @@ export default function RunPage({ run: chosen }: { run: string | null }) {
       <div className="run-main">
         <RunHead run={run} />
         <Progress run={run} />
+        {run.driven && isActive(run) && <DrivePanel key={run.run_id} run={run} driven={run.driven} />}
         <Thumbnails run={run} />
         <div className="run-lower">
           <TickPlots run={run} />

@@ -41,7 +41,7 @@ export function Thumbnails({ run }: { run: RunSummary }) {
 }
 
 /** JPEGs are drawn into a canvas: nothing to give back, and no flicker between two of them. */
-function ImageThumb({ channel }: { channel: Channel }) {
+export function ImageThumb({ channel }: { channel: Channel }) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const [tick, setTick] = useState<number | null>(null);
   useEffect(() => {

@@ -7,14 +7,13 @@ import sys
 from typing import Any
 
 from carstage.collector.drivers.base import Driver, Observation
+from carstage.collector.drivers.inputs import Inputs, inputs_of
 from carstage.collector.drivers.replay import control_of
 from carstage.collector.internals.errors import DriverError
 from carstage.spec import DeviceDriverSpec
 
 try:
     import pygame
-
-    from carstage.collector.drivers.inputs import Gamepad, Inputs, Keyboard, Wheel
 except ImportError as error:
     raise DriverError(
         "ego.driver: the collector's Python, %s, has no pygame: %s." % (sys.executable, error),
@@ -76,7 +75,7 @@ class DeviceDriver(Driver):
                     "episode." % observation.tick,
                     "Drive until it closes by itself, or set a shorter duration_s.",
                 )
-            self._inputs.take(event)
+            take_event(self._inputs, event)
         gear = observation.ego.get_control().gear
         return control_of(self._inputs.command(self._step_s, gear))
 
@@ -113,7 +112,15 @@ def device_driver(spec: DeviceDriverSpec, step_s: float) -> DeviceDriver:
         spec: which one.
         step_s: simulated seconds of a step.
     """
-    if spec.kind == "keyboard":
-        return DeviceDriver(Keyboard(), spec.camera, step_s, needs_stick=False)
-    inputs = Wheel(spec.inputs) if spec.kind == "wheel" else Gamepad(spec.inputs)
-    return DeviceDriver(inputs, spec.camera, step_s, needs_stick=True)
+    inputs = inputs_of(spec.kind, spec.inputs)
+    return DeviceDriver(inputs, spec.camera, step_s, needs_stick=spec.kind != "keyboard")
+
+
+def take_event(inputs: Inputs, event: Any) -> None:
+    """Have a ``pygame`` event of a device noted; others change nothing."""
+    if event.type in (pygame.KEYDOWN, pygame.KEYUP):
+        inputs.key(pygame.key.name(event.key), event.type == pygame.KEYDOWN)
+    elif event.type == pygame.JOYAXISMOTION:
+        inputs.axis(event.axis, event.value)
+    elif event.type in (pygame.JOYBUTTONDOWN, pygame.JOYBUTTONUP):
+        inputs.button(event.button, event.type == pygame.JOYBUTTONDOWN)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import logging
 import math
-from typing import Any, List, Mapping, Optional, Sequence
+from typing import Any, Callable, List, Mapping, NamedTuple, Optional, Sequence
 
 import carla
 
 from carstage.collector.drivers.base import Driver, Observation
 from carstage.collector.drivers.loading import blamed, load_driver
+from carstage.collector.drivers.page import page_driver
 from carstage.collector.drivers.replay import ReplayDriver, control_of
 from carstage.collector.drivers.route import RouteDriver
 from carstage.collector.drivers.watching import NewestData
@@ -32,13 +33,26 @@ _log = logging.getLogger(__name__)
 _RANGES = {"throttle": (0.0, 1.0), "steer": (-1.0, 1.0), "brake": (0.0, 1.0)}
 
 
-def make_driver(spec: DriverSpec, folders: Sequence[str], step_s: float) -> Driver:
+class AtPage(NamedTuple):
+    """How a driver hears of a device at the page.
+
+    Attributes:
+        file: where the page's server writes the device's state; empty: there is no page.
+        pause: waits so many seconds; raises when somebody asks to end.
+    """
+
+    file: str
+    pause: Callable[[float], None]
+
+
+def make_driver(spec: DriverSpec, folders: Sequence[str], step_s: float, page: AtPage) -> Driver:
     """The driver that is planned.
 
     Args:
         spec: who drives.
         folders: where the user's modules are looked for first.
         step_s: simulated time of a step.
+        page: how it hears of a device there.
 
     Raises:
         DriverError: it is not found, or raised when it was made.
@@ -47,6 +61,8 @@ def make_driver(spec: DriverSpec, folders: Sequence[str], step_s: float) -> Driv
         return load_driver(spec, folders)
     if isinstance(spec, ReplayDriverSpec):
         return ReplayDriver(spec.commands)
+    if isinstance(spec, DeviceDriverSpec) and spec.at_page:
+        return page_driver(spec, step_s, page.file, page.pause)
     if isinstance(spec, DeviceDriverSpec):
         from carstage.collector.drivers.devices import device_driver
 

@@ -1,11 +1,9 @@
-"""From events of keyboard, gamepad and steering wheel to commands; ``pygame`` brings the events."""
+"""From keys, axes and buttons to commands; a window or the page brings them."""
 
 from __future__ import annotations
 
 import math
-from typing import Any, Mapping, Set
-
-import pygame
+from typing import Mapping, Sequence, Set
 
 from carstage.spec import Command
 
@@ -24,9 +22,14 @@ class Inputs:
         self.reverse = False
         self.hand_brake = False
 
-    def take(self, event: Any) -> None:
-        """Take note of a ``pygame`` event; others than the device's change nothing."""
-        raise NotImplementedError
+    def key(self, name: str, down: bool) -> None:
+        """Take note of a key that goes down or up, by SDL's name; by default nothing."""
+
+    def axis(self, number: int, value: float) -> None:
+        """Take note of an axis' position, from -1 to 1; by default nothing."""
+
+    def button(self, number: int, down: bool) -> None:
+        """Take note of a button that goes down or up; by default nothing."""
 
     def command(self, step_s: float, gear: int) -> Command:
         """What is commanded for the next step.
@@ -45,35 +48,34 @@ class Keyboard(Inputs):
     brake. M: manual gear box, then comma and full stop: a gear down or up.
     """
 
-    _THROTTLE = (pygame.K_w, pygame.K_UP)
-    _BRAKE = (pygame.K_s, pygame.K_DOWN)
-    _LEFT = (pygame.K_a, pygame.K_LEFT)
-    _RIGHT = (pygame.K_d, pygame.K_RIGHT)
+    _THROTTLE = ("w", "up")
+    _BRAKE = ("s", "down")
+    _LEFT = ("a", "left")
+    _RIGHT = ("d", "right")
     _THROTTLE_STEP, _BRAKE_STEP = 0.1, 0.2
     _STEER_PER_S, _MOST_STEER = 0.5, 0.7
 
     def __init__(self) -> None:
         super().__init__()
-        self._held: Set[int] = set()
+        self._held: Set[str] = set()
         self._throttle = self._brake = self._steer = 0.0
         self._manual = self._wants_manual = False
         self._gear = _FORWARD
         self._shifts = 0
 
-    def take(self, event: Any) -> None:
+    def key(self, name: str, down: bool) -> None:
         """Take note of a key."""
-        if event.type == pygame.KEYUP:
-            self._held.discard(event.key)
-        if event.type != pygame.KEYDOWN:
+        if not down:
+            self._held.discard(name)
             return
-        self._held.add(event.key)
-        if event.key == pygame.K_q:
+        self._held.add(name)
+        if name == "q":
             self.reverse = not self.reverse
             self._gear = _BACKWARD if self.reverse else _FORWARD
-        elif event.key == pygame.K_m:
+        elif name == "m":
             self._wants_manual = not self._wants_manual
-        elif event.key in (pygame.K_COMMA, pygame.K_PERIOD) and self._wants_manual:
-            self._shifts += 1 if event.key == pygame.K_PERIOD else -1
+        elif name in (",", ".") and self._wants_manual:
+            self._shifts += 1 if name == "." else -1
 
     def command(self, step_s: float, gear: int) -> Command:
         """Pedals go down step by step and up at once; so does the wheel."""
@@ -98,16 +100,16 @@ class Keyboard(Inputs):
             self._throttle,
             round(self._steer, 1),
             self._brake,
-            int(self._is_held((pygame.K_SPACE,))),
+            int(self._is_held(("space",))),
             int(self.reverse),
             int(self._manual),
             self._gear,
         )
 
-    def _is_held(self, keys: Any) -> bool:
+    def _is_held(self, keys: Sequence[str]) -> bool:
         return not self._held.isdisjoint(keys)
 
-    def _pressed(self, keys: Any, value: float) -> float:
+    def _pressed(self, keys: Sequence[str], value: float) -> float:
         return min(value, 1.0) if self._is_held(keys) else 0.0
 
 
@@ -126,22 +128,22 @@ class Gamepad(Inputs):
         self._numbers = numbers
         self._throttle = self._brake = self._steer = 0.0
 
-    def take(self, event: Any) -> None:
-        """Take note of an axis or a button."""
+    def axis(self, number: int, value: float) -> None:
+        """Take note of an axis."""
         numbers = self._numbers
-        if event.type == pygame.JOYAXISMOTION:
-            if event.axis == numbers["steer_axis"]:
-                self._steer = self.steered(event.value)
-            elif event.axis == numbers["throttle_axis"]:
-                self._throttle = self.pressed(event.value)
-            elif event.axis == numbers["brake_axis"]:
-                self._brake = self.pressed(event.value)
-        elif event.type in (pygame.JOYBUTTONDOWN, pygame.JOYBUTTONUP):
-            pressed = event.type == pygame.JOYBUTTONDOWN
-            if event.button == numbers["hand_brake_button"]:
-                self.hand_brake = pressed
-            elif event.button == numbers["reverse_button"] and pressed:
-                self.reverse = not self.reverse
+        if number == numbers["steer_axis"]:
+            self._steer = self.steered(value)
+        elif number == numbers["throttle_axis"]:
+            self._throttle = self.pressed(value)
+        elif number == numbers["brake_axis"]:
+            self._brake = self.pressed(value)
+
+    def button(self, number: int, down: bool) -> None:
+        """Take note of a button."""
+        if number == self._numbers["hand_brake_button"]:
+            self.hand_brake = down
+        elif number == self._numbers["reverse_button"] and down:
+            self.reverse = not self.reverse
 
     def command(self, step_s: float, gear: int) -> Command:
         """As stick, pedals and buttons stand."""
@@ -179,3 +181,15 @@ class Wheel(Gamepad):
         """The pedal, from 0 to 1, of its position."""
         pressed = 1.6 + (2.05 * math.log10(-0.7 * value + 1.4) - 1.2) / 0.92
         return min(max(pressed, 0.0), 1.0)
+
+
+def inputs_of(kind: str, numbers: Mapping[str, int]) -> Inputs:
+    """What a person presses at a device.
+
+    Args:
+        kind: ``keyboard``, ``gamepad`` or ``wheel``.
+        numbers: of its axes and buttons, by what they do.
+    """
+    if kind == "keyboard":
+        return Keyboard()
+    return Wheel(numbers) if kind == "wheel" else Gamepad(numbers)

@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from typing import Any, Dict, Iterator, List, Mapping, NamedTuple, Optional, Tuple
 
 from carstage.collector.drivers.base import Driver
-from carstage.collector.drivers.driving import make_driver
+from carstage.collector.drivers.driving import AtPage, make_driver
 from carstage.collector.internals.errors import InterruptedByRequestError
 from carstage.collector.internals.events import EventStream
 from carstage.collector.internals.level_objects import level_objects
@@ -121,7 +121,12 @@ class EpisodeRecorder:
         """Who drives, by the agent's name, "" the ego's; not the Traffic Manager."""
         planned = {"": spec.ego.driver, **{agent.name: agent.ego.driver for agent in spec.agents}}
         return {
-            name: make_driver(driver, self._plan.driver_folders, spec.step_s)
+            name: make_driver(
+                driver,
+                self._plan.driver_folders,
+                spec.step_s,
+                AtPage(self._plan.inputs_file, self._stop.pause),
+            )
             for name, driver in planned.items()
             if driver is not None
         }

@@ -80,6 +80,7 @@ class Plan:
         durable: sealed segments outlive a crash of the machine; those that are converted at once
             and then removed need not, and large ones are written over each other.
         driver_folders: where the ego's driver is looked for before the installed packages.
+        inputs_file: where the page's server writes what a driver at the page presses.
     """
 
     server: ServerPlan
@@ -89,6 +90,7 @@ class Plan:
     sensor_warmup_ticks: Optional[int]
     episodes: Tuple[EpisodePlan, ...]
     driver_folders: Tuple[str, ...] = ()
+    inputs_file: str = ""
     program: Optional[ProgramPlan] = None
 
 
@@ -168,6 +170,7 @@ def _plan(plan: Fields) -> Plan:
         else None,
         episodes=tuple(_episode(episode) for episode in episodes),
         driver_folders=plan.words("driver_folders"),
+        inputs_file=plan.text("inputs_file") if "inputs_file" in plan else "",
         program=_program(plan.object("program")) if "program" in plan else None,
     )
 

@@ -98,7 +98,8 @@ class Scene:
 
     def event_states(self) -> Optional[List[Dict[str, Any]]]:
         """How the planned events stood in the last step; None: none are planned."""
-        return self._event_runner.states()
+        states = self._event_runner.states()
+        return self._scenario.event_states() if states is None else states
 
     def command(self) -> Optional[List[Any]]:
         """What the ego's driver commanded for the last step; None: it has none of its own."""

@@ -41,6 +41,15 @@ class StopRequest:
         """Wait until somebody asks to end, at most ``timeout_s``; return whether they did."""
         return self._event.wait(timeout_s)
 
+    def pause(self, seconds: float) -> None:
+        """Wait so long.
+
+        Raises:
+            InterruptedByRequestError: somebody asked to end meanwhile.
+        """
+        self._event.wait(seconds)
+        self.check()
+
     def on_signals(self) -> None:
         """Take SIGTERM and SIGINT as requests to end."""
 

@@ -90,6 +90,10 @@ class Scenario:
     def before_step(self, tick: Optional[int]) -> None:
         """Called ahead of each step: of a recorded tick, or None in the warm-up."""
 
+    def event_states(self) -> Optional[List[Dict[str, Any]]]:
+        """How each of its own events stands after :meth:`before_step`; None: it has none."""
+        return None
+
 
 SCENARIOS: Dict[str, Type[Scenario]] = {}
 """Kind to class, filled by :func:`scenario`."""

@@ -19,7 +19,7 @@ from carstage.geometry.ground_rectangles import (
     overlap,
     time_to_collision_s,
 )
-from carstage.spec import EventSpec
+from carstage.spec import EventSpec, StoryPart
 from carstage.validation.checks.findings import Findings
 from carstage.validation.checks.labels import LabelTables
 from carstage.validation.checks.recomputing import entries, numbers, rows_at
@@ -44,15 +44,13 @@ def check_events(
         tables: its labels.
         findings: where differences go.
     """
-    planned = episode.spec.scenario.events or ()
+    planned = episode.spec.scenario.planned_events()
     table = episode.events()
     if table is None:
         return
     require_columns(table, _COLUMNS, "events.parquet")
     rows = table.to_pylist()
-    asked = [(number, event.kind, event.parameters()) for number, event in enumerate(planned)]
-    found = [(row["event"], row["kind"], json.loads(row["parameters"])) for row in rows]
-    if found != asked:
+    if not _are_planned(rows, planned):
         findings.add("events", "events.parquet does not list the events that were planned")
         return
     saved = {
@@ -67,14 +65,30 @@ def check_events(
             last = episode.spec.steps - 1 if row["end_tick"] is None else row["end_tick"]
             frames = [saved[tick] for tick in range(row["begin_tick"], last + 1) if tick in saved]
             every_tick = len(frames) == last + 1 - row["begin_tick"]
-            for problem in _outcome(row, _counted(row, planned), frames, every_tick, tables):
+            nearest_counts = planned[row["event"]].nearest_counts
+            for problem in _outcome(row, nearest_counts, frames, every_tick, tables):
                 findings.add("events", f"event {row['event']}: {problem}")
 
 
-def _counted(row: Mapping[str, Any], planned: Sequence[EventSpec]) -> list[int]:
-    """Actors of a row of which the nearest tells how near the ego came."""
-    actors: list[int] = row["actors"]
-    return actors if planned[row["event"]].nearest_counts else actors[:1]
+def _are_planned(
+    rows: Sequence[Mapping[str, Any]], planned: Sequence[EventSpec | StoryPart]
+) -> bool:
+    """Whether rows are those of the planned events; those of a storyboard may happen again."""
+    found: list[list[dict[str, Any]]] = [[] for _ in planned]
+    for row in rows:
+        if not 0 <= row["event"] < len(planned) or row["kind"] != planned[row["event"]].kind:
+            return False
+        found[row["event"]].append(json.loads(row["parameters"]))
+    if [row["event"] for row in rows] != sorted(row["event"] for row in rows):
+        return False
+    for event, given in zip(planned, found, strict=True):
+        asked = [event.parameters()]
+        if isinstance(event, StoryPart):
+            count = min(max(len(given), 1), event.most)
+            asked = [{**event.parameters(), "execution": number} for number in range(1, count + 1)]
+        if given != asked:
+            return False
+    return True
 
 
 def _times(row: Mapping[str, Any], episode: Episode) -> list[str]:
@@ -97,18 +111,22 @@ def _times(row: Mapping[str, Any], episode: Episode) -> list[str]:
 
 def _outcome(
     row: Mapping[str, Any],
-    actors: Sequence[int],
+    nearest_counts: bool,
     frames: Sequence[int],
     every_tick: bool,
     tables: LabelTables,
 ) -> list[str]:
     """What is wrong with how near they came, by the boxes of the saved frames."""
     objects = tables.objects.filter(pc.is_valid(tables.objects["box_center"]))
-    if not actors:
+    if not row["actors"]:
         return ["nobody took part"]
-    ego = _boxes(objects.filter(objects["is_ego"]), frames)
+    of_ego = objects.filter(objects["is_ego"])
+    actors = [one for one in row["actors"] if one not in set(entries(of_ego, "track_id"))]
+    if not actors:
+        return [] if row["min_distance"] is None else ["a distance, though only the ego took part"]
+    ego = _boxes(of_ego, frames)
     least_m, soonest_s, touched, complete = np.inf, np.inf, False, every_tick
-    for actor_id in actors:
+    for actor_id in actors if nearest_counts else actors[:1]:
         actor = _boxes(objects.filter(pc.equal(objects["track_id"], pa.scalar(actor_id))), frames)
         shared = sorted(ego.keys() & actor.keys())
         if not shared:

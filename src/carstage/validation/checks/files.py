@@ -39,7 +39,7 @@ def tables_of(episode: Episode) -> tuple[str, ...]:
     """The tables that an episode has."""
     spec = episode.spec
     optional = {
-        EVENTS: spec.scenario.events is not None,
+        EVENTS: bool(spec.scenario.planned_events()),
         CONTROLS: spec.ego.driver is not None,
         LANE_LINES: spec.labels.lane_lines,
     }

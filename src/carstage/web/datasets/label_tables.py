@@ -167,13 +167,14 @@ class LabelTables:
 
 
 def _rows(episode: Episode, name: str) -> pa.Table:
-    """A table of an episode; rows of cameras also hold class and blueprint."""
+    """A table of an episode; rows of cameras also hold class and blueprint, events a frame."""
     import pyarrow as pa
 
     table = {
         "objects": episode.objects,
         "camera_objects": episode.camera_objects,
         "ego": episode.ego,
+        "events": lambda: _events(episode),
         "frames": episode.ledger,
     }[name]()
     table = table.drop_columns([c for c in table.column_names if c in _LEFT_OUT])
@@ -194,6 +195,25 @@ def _rows(episode: Episode, name: str) -> pa.Table:
         ids = pa.array([episode.id] * table.num_rows, pa.string())
         table = table.add_column(0, "episode_id", ids)
     return table
+
+
+def _events(episode: Episode) -> pa.Table:
+    """The events, with the first saved frame of each; no rows where none was planned."""
+    import pyarrow as pa
+
+    from carstage.annotation.schema import EVENT_COLUMNS
+    from carstage.conversion.segment import label_schema
+
+    table = episode.events()
+    if table is None:
+        table = label_schema(EVENT_COLUMNS).empty_table()
+    ledger = episode.ledger().select(["tick", "k"]).to_pydict()
+    saved = [(tick, k) for tick, k in zip(*ledger.values(), strict=True) if k is not None]
+    frames = [
+        None if begin is None else next((k for tick, k in saved if tick >= begin), None)
+        for begin in table["begin_tick"].to_pylist()
+    ]
+    return table.add_column(0, "k", pa.array(frames, pa.int32()))
 
 
 def _classes(table: pa.Table) -> dict[str, int]:
@@ -257,9 +277,11 @@ def _column(table: pa.Table, name: str) -> Any:
 
 
 def _described(table: str, field: pa.Field[Any]) -> TableColumn:
-    from carstage.annotation.schema import TABLES
+    from carstage.annotation.schema import EVENT_COLUMNS, EVENTS, TABLES
 
-    columns = [c for file in (f"{table}.parquet", "objects.parquet") for c in TABLES.get(file, ())]
+    known_tables = {**TABLES, EVENTS: EVENT_COLUMNS}
+    files = (f"{table}.parquet", "objects.parquet")
+    columns = [column for file in files for column in known_tables.get(file, ())]
     known = next((column for column in columns if column.name == field.name), None)
     return TableColumn(
         name=field.name,

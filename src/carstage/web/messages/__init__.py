@@ -74,6 +74,7 @@ from carstage.web.messages.live import (
     ClientMessage,
     ConfigMessage,
     DatasetsMessage,
+    DriveMessage,
     JobMessage,
     LiveMessage,
     LogMessage,
@@ -81,11 +82,13 @@ from carstage.web.messages.live import (
     RunsMessage,
     SnapshotMessage,
     TicksMessage,
+    WatchMessage,
 )
 from carstage.web.messages.runs import (
     Channel,
     ComparedRun,
     CurrentEpisodeMessage,
+    DrivenAtPage,
     EpisodeCountsMessage,
     LoadPoint,
     LogLine,
@@ -139,6 +142,8 @@ __all__ = [
     "DatasetSummary",
     "DatasetsMessage",
     "DescriptionMessage",
+    "DriveMessage",
+    "DrivenAtPage",
     "EgoPose",
     "EgoSignals",
     "EpisodeCountsMessage",
@@ -204,5 +209,6 @@ __all__ = [
     "TrackSpan",
     "ValidationMessage",
     "VehicleEntry",
+    "WatchMessage",
     "WorkerMessage",
 ]

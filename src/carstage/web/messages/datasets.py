@@ -10,7 +10,7 @@ from carstage.web.messages.base import DatasetId, Document, Label, Message, Name
 
 Vector = list[float]
 Colour = list[int]
-TableName = Literal["objects", "camera_objects", "ego", "frames"]
+TableName = Literal["objects", "camera_objects", "ego", "events", "frames"]
 Cell = str | float | int | bool | list[Any] | None
 
 

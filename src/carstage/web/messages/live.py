@@ -109,9 +109,41 @@ class LiveMessage(
     """Any text message of the server."""
 
 
-class ClientMessage(Message):
-    """What a client sends: which run it looks at, and whether it wants pictures."""
+class WatchMessage(Message):
+    """Which run a client looks at, and whether it wants pictures."""
 
-    type: Literal["watch"] = "watch"
+    type: Literal["watch"]
     run_id: RunId | None = None
     previews: bool = False
+
+
+PressedName = Annotated[
+    str, Field(pattern=r"^(up|down|left|right|space|[a-z]|[,.]|button\d{1,2})$")
+]
+Position = Annotated[float, Field(ge=-1, le=1, allow_inf_nan=False)]
+
+
+class DriveMessage(Message):
+    """What is pressed at a client's device, for the run that it drives; the newest one counts.
+
+    Attributes:
+        sender: the page, by a random name.
+        sequence: number of the message, of that page.
+        held: keys and buttons that are down: SDL's names of keys, ``button`` and its number.
+        presses: how often each went down so far.
+        axes: where each axis stands; those of a pad are numbered as SDL does.
+    """
+
+    type: Literal["drive"]
+    run_id: RunId
+    sender: Annotated[str, Field(pattern=r"^[0-9a-z-]{1,40}$")]
+    sequence: Annotated[int, Field(ge=0, le=2**53)]
+    held: Annotated[list[PressedName], Field(max_length=64)]
+    presses: Annotated[
+        dict[PressedName, Annotated[int, Field(ge=0, le=2**53)]], Field(max_length=64)
+    ]
+    axes: Annotated[list[Position], Field(max_length=64)]
+
+
+class ClientMessage(RootModel[Annotated[WatchMessage | DriveMessage, Field(discriminator="type")]]):
+    """Any message of a client."""

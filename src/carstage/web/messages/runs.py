@@ -97,6 +97,20 @@ class RunSensor(Message):
     kind: str
 
 
+class DrivenAtPage(Message):
+    """Who drives a run's ego at the page.
+
+    Attributes:
+        device: what is driven with.
+        camera: sensor whose pictures the driver sees.
+        inputs: numbers of the device's axes and buttons, by what they do; none of a keyboard.
+    """
+
+    device: Literal["keyboard", "gamepad", "wheel"]
+    camera: str
+    inputs: dict[str, int]
+
+
 class RunSummary(Message):
     """One run.
 
@@ -114,6 +128,7 @@ class RunSummary(Message):
         resumable: it has ended, and something of it is missing that the same command would record.
         again: why the episode under way is recorded once more; None: it is its first attempt.
         workers: each of several workers; empty where there is one.
+        driven: how its ego is driven at the page; None: otherwise.
     """
 
     run_id: RunId
@@ -140,6 +155,7 @@ class RunSummary(Message):
     resumable: bool = False
     again: str | None = None
     workers: list[WorkerMessage] = Field(default_factory=list)
+    driven: DrivenAtPage | None = None
 
 
 class RunList(Message):

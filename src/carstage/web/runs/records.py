@@ -12,9 +12,9 @@ from typing import Any
 from carstage.runs.folder import SHORT_PLAN_VERSION
 from carstage.runs.keeping import LABEL_FILE, label_of
 from carstage.runs.reading import Alive, liveness, read_document
-from carstage.spec import EpisodeSpec
+from carstage.spec import DeviceDriverSpec, EpisodeSpec
 from carstage.storage.remote_path import DatasetPath, RemotePath
-from carstage.web.messages import RunSensor
+from carstage.web.messages import DrivenAtPage, RunSensor
 from carstage.web.preview.shown_sensors import shown_sensors
 from carstage.web.roots import Roots
 from carstage.web.runs.launches import Launches
@@ -28,6 +28,7 @@ class RunPlan:
 
     Attributes:
         ticks, frames: over all episodes.
+        driven: how the ego of the first episode is driven at the page; None: otherwise.
     """
 
     config: Mapping[str, Any]
@@ -35,6 +36,7 @@ class RunPlan:
     ticks: int
     frames: int
     sensors: tuple[RunSensor, ...]
+    driven: DrivenAtPage | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,4 +163,16 @@ def read_plan(path: Path, _changed_ns: int) -> RunPlan | None:
             RunSensor(id=sensor.id, kind=sensor.sensor.kind)
             for sensor in (shown_sensors(specs[0]) if specs else ())
         ),
+        driven=_driven(specs[0]) if specs else None,
+    )
+
+
+def _driven(spec: EpisodeSpec) -> DrivenAtPage | None:
+    driver = spec.ego.driver
+    if not isinstance(driver, DeviceDriverSpec) or not driver.at_page:
+        return None
+    return DrivenAtPage(
+        device=driver.kind,  # type: ignore[arg-type]
+        camera=driver.camera,
+        inputs=dict(driver.inputs),
     )

@@ -117,6 +117,7 @@ def summary_of_record(record: RunRecord, seen: Seen) -> RunSummary:
         resumable=over and (state != "done" or counts.failed > 0) and (plan or launch) is not None,
         again=_again(current, seen.retried),
         workers=_workers(status),
+        driven=plan.driven if plan else None,
     )
 
 

@@ -168,6 +168,15 @@ def test_tables_are_filtered_sorted_and_cut(site: Site) -> None:
     assert shown == sorted(fitting, reverse=True)[:3]
 
 
+def test_a_dataset_without_events_has_an_empty_table_of_them(site: Site) -> None:
+    url = f"/api/datasets/{site.dataset}/table"
+    page = site.client.post(url, json={"table": "events"}).json()
+    assert page["rows"] == []
+    columns = {column["name"]: column for column in page["columns"]}
+    assert columns["min_distance"]["unit"] == "m"
+    assert "k" in columns
+
+
 @pytest.mark.parametrize("table", ["objects", "ego", "frames"])
 def test_every_table_has_pages(site: Site, table: str) -> None:
     page = site.client.post(f"/api/datasets/{site.dataset}/table", json={"table": table}).json()

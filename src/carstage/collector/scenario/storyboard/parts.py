@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import logging
-from typing import Dict, List, Sequence, Tuple
+import math
+from typing import Dict, Iterator, List, NamedTuple, Sequence, Tuple
 
+from carstage.collector.scenario.events.base import ENDED, PLACED
+from carstage.collector.scenario.events.base import RUNNING as RUNS
 from carstage.collector.scenario.storyboard.conditions import (
     COMPLETE,
     RUNNING,
@@ -35,6 +38,25 @@ STARTS, ENDS, STOPS, SKIPS = (
 _log = logging.getLogger(__name__)
 
 
+class PartState(NamedTuple):
+    """How an event or an action stands, in the words of the record.
+
+    Attributes:
+        state: ``placed``, ``running`` or ``ended``.
+        reason: why it has not begun.
+        execution: number of the time that it happens, or happened last, from 1.
+    """
+
+    state: str
+    reason: str
+    execution: int
+
+
+def waits(spec: StoryEvent, reason: str) -> Iterator[PartState]:
+    """An event that has not begun, and its actions."""
+    return iter([PartState(PLACED, reason, 1)] * (1 + len(spec.actions)))
+
+
 class PlayedEvent:
     """An event: waits, runs until all its actions are over, and may happen again.
 
@@ -57,7 +79,10 @@ class PlayedEvent:
         self._movers = movers
         self._world = world
         self._left = spec.most
-        self._running: List[Tuple[PartKey, List[Change]]] = []
+        self._running: Dict[int, List[Change]] = {}
+        self._executions = 0
+        self._begun_s = -math.inf
+        self._reason = "its trigger did not hold"
         self.state = STANDBY
         self._wait()
 
@@ -69,18 +94,29 @@ class PlayedEvent:
     def _key(self) -> PartKey:
         return ("event", self._spec.name)
 
+    def states(self) -> Iterator[PartState]:
+        """How it stands, then how its actions do."""
+        if not self._executions:
+            yield from waits(self._spec, self._reason)
+            return
+        yield self._part_state(self.state == RUNNING)
+        for number in range(len(self._spec.actions)):
+            yield self._part_state(number in self._running)
+
+    def _part_state(self, is_running: bool) -> PartState:
+        return PartState(RUNS if is_running else ENDED, "", self._executions)
+
+    def _action_key(self, number: int) -> PartKey:
+        return ("action", self._spec.actions[number].name)
+
     def finish(self) -> None:
         """End the actions that are over, and the event with the last of them."""
         if self.state != RUNNING:
             return
-        for key, changes in self._running:
+        for number, changes in list(self._running.items()):
             if all(change.is_over for change in changes):
-                self._world.ended(key, ENDS, COMPLETE)
-        self._running = [
-            (key, changes)
-            for key, changes in self._running
-            if not all(change.is_over for change in changes)
-        ]
+                del self._running[number]
+                self._world.ended(self._action_key(number), ENDS, COMPLETE)
         if not self._running:
             self._left -= 1
             self._rest()
@@ -93,6 +129,7 @@ class PlayedEvent:
         running = [each for each in others if each is not self and each.state == RUNNING]
         if running and self._spec.priority == "skip":
             self._left -= 1
+            self._reason = "another event of its maneuver was running"
             self._rest()
             self._world.changed(self._key, SKIPS, self.state)
             return
@@ -100,20 +137,26 @@ class PlayedEvent:
             for each in running:
                 each.stop()
         self.state = RUNNING
+        self._executions += 1
+        self._begun_s = self._world.time_s
         self._world.changed(self._key, STARTS, RUNNING)
-        for action in self._spec.actions:
-            key = ("action", action.name)
-            self._running.append((key, [self._act(name, action) for name in self._actors]))
-            self._world.changed(key, STARTS, RUNNING)
+        for number, action in enumerate(self._spec.actions):
+            self._running[number] = [self._act(name, action) for name in self._actors]
+            self._world.changed(self._action_key(number), STARTS, RUNNING)
         _log.info("%.2f s: event %s begins", self._world.time_s, self._spec.name)
 
     def stop(self) -> None:
         """End before its time; who acts goes on as it is."""
-        for key, changes in self._running:
+        for number, changes in self._running.items():
             for change in changes:
                 change.leave()
-            self._world.changed(key, STOPS, COMPLETE)
-        self._running = []
+            self._world.changed(self._action_key(number), STOPS, COMPLETE)
+        self._running = {}
+        if self.state == RUNNING and self._begun_s == self._world.time_s:
+            self._executions -= 1  # no step has shown it
+            self._reason = "it was stopped in the step in which it began"
+        elif self.state == STANDBY:
+            self._reason = "it was stopped before its trigger held"
         if self.state != COMPLETE:
             self.state = COMPLETE
             self._world.changed(self._key, STOPS, COMPLETE)
@@ -174,8 +217,20 @@ class PlayedAct:
         self._state = STANDBY
         self._start = None if spec.start is None else Waiting(spec.start, world)
         self._stop = Waiting(spec.stop, world)
-        self._groups: Dict[PartKey, List[PlayedManeuver]] = {}
+        self._groups: List[Tuple[PartKey, List[PlayedManeuver]]] = []
         self._running: List[PartKey] = []
+
+    def states(self) -> Iterator[PartState]:
+        """How each event stands, followed by its actions."""
+        if self._groups:
+            for maneuver in self._maneuvers():
+                for event in maneuver.events:
+                    yield from event.states()
+            return
+        for group in self._spec.groups:
+            for each in group.maneuvers:
+                for planned in each.events:
+                    yield from waits(planned, "its act did not begin")
 
     def finish(self) -> None:
         """End what is over."""
@@ -185,7 +240,7 @@ class PlayedAct:
             for event in maneuver.events:
                 event.finish()
         over = [maneuver.key for maneuver in self._maneuvers() if maneuver.is_over]
-        over += [key for key, each in self._groups.items() if all(one.is_over for one in each)]
+        over += [key for key, each in self._groups if all(one.is_over for one in each)]
         if len(over) == len(self._groups) + len(self._maneuvers()):
             over.append(("act", self._spec.name))
             self._state = COMPLETE
@@ -220,16 +275,17 @@ class PlayedAct:
     def _begin(self) -> None:
         self._state = RUNNING
         for group in self._spec.groups:
-            self._groups["maneuverGroup", group.name] = [
+            maneuvers = [
                 PlayedManeuver(each, group, self._movers, self._world) for each in group.maneuvers
             ]
-        self._running = [("act", self._spec.name), *self._groups]
+            self._groups.append((("maneuverGroup", group.name), maneuvers))
+        self._running = [("act", self._spec.name), *(key for key, _ in self._groups)]
         self._running += [maneuver.key for maneuver in self._maneuvers()]
         for key in self._running:
             self._world.changed(key, STARTS, RUNNING)
 
     def _maneuvers(self) -> List[PlayedManeuver]:
-        return [maneuver for group in self._groups.values() for maneuver in group]
+        return [maneuver for _, group in self._groups for maneuver in group]
 
 
 class PlayedStoryboard:
@@ -247,6 +303,10 @@ class PlayedStoryboard:
         self._acts = [PlayedAct(act, movers, world) for act in spec.acts]
         self._stop = Waiting(spec.stop, world)
         self._is_over = False
+
+    def states(self) -> List[PartState]:
+        """How each event stands, followed by its actions, in the order of the file."""
+        return [state for act in self._acts for state in act.states()]
 
     def step(self, time_s: float) -> None:
         """Act on what the last step showed, and move everybody on by one.

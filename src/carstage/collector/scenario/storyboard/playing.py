@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from typing import Any, Callable, Dict, Optional
+from typing import Any, Callable, Dict, List, Optional
 
 import carla
 
@@ -23,7 +23,7 @@ from carstage.collector.scenario.storyboard.parts import PlayedStoryboard
 from carstage.collector.scenario.storyboard.places import Places
 from carstage.collector.scenario.storyboard.road_users import RoadUsers
 from carstage.collector.world import WorldSession
-from carstage.spec import EpisodeSpec, StoryboardSpec
+from carstage.spec import EpisodeSpec, StoryboardSpec, taking_part
 from carstage.spec.storyboard import StoryEntity
 
 RUN_UP_STEPS = 3
@@ -98,6 +98,21 @@ class Storyboard(Scenario):
             ego = self._actors[self._board.entities[0].name]
             self._lamps.light([ego], self._session.weather.values)
         self._world.send()
+
+    def event_states(self) -> Optional[List[Dict[str, Any]]]:
+        """How each event of the file stands, and each of its actions; None: it has none."""
+        ids = {name: int(actor.id) for name, actor in self._actors.items()}
+        ego = self._board.entities[0].name
+        planned, states = self._board.planned_events(), self._played.states()
+        return [
+            {
+                "state": state.state,
+                "actors": [ids[name] for name in taking_part(part, ego)],
+                "reason": state.reason,
+                "execution": state.execution,
+            }
+            for part, state in zip(planned, states)
+        ] or None
 
     def _run_up(self, steps_left: int) -> None:
         if steps_left > RUN_UP_STEPS:

@@ -224,8 +224,8 @@ RIG_PRESETS: Mapping[str, PresetRig] = {
     ),
     "drone": PresetRig(
         "a drone's camera and GNSS, for agents of kind `drone`",
-        "24 mm equivalent focal length, as data sheets of photo drones have it (such as DJI's "
-        "Mavic 3); picture size is ours",
+        "24 mm equivalent focal length, as DJI's data sheet of the Mavic 3 says; picture size is "
+        "ours",
         _drone,
     ),
     "junction": PresetRig(

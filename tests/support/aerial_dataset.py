@@ -34,7 +34,7 @@ agents:
         - {{id: GNSS, kind: gnss}}
   - name: circle
     kind: drone
-    path: {{kind: orbit, radius_m: 20, height_m: 25, speed_m_s: 8, start_deg: 45}}
+    path: {{kind: orbit, radius_m: 12, height_m: 50, speed_m_s: 8, start_deg: 45}}
     gimbal: {{look_at: ego}}
     rig:
       sensors:

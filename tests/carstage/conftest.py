@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+import aerial_dataset
 import fleet_dataset
 import recorded_dataset
 import variants_dataset
@@ -52,3 +53,12 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Path:
     Tests that use it belong to the xdist group ``fleet``, so that it is recorded once.
     """
     return recorded_dataset.record(tmp_path_factory.mktemp("fleet"), fleet_dataset.CONFIG)
+
+
+@pytest.fixture(scope="session")
+def aerial(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A drive under two drones and a camera at a junction. Do not change it.
+
+    Tests that use it belong to the xdist group ``aerial``, so that it is recorded once.
+    """
+    return recorded_dataset.record(tmp_path_factory.mktemp("aerial"), aerial_dataset.CONFIG)

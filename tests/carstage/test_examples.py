@@ -158,6 +158,13 @@ def test_an_example_has_radios_on_cars_and_at_the_roadside() -> None:
     assert "v2x.yaml" in (EXAMPLES / "README.md").read_text("utf-8")
 
 
+def test_an_example_looks_from_drones_and_from_a_junction() -> None:
+    (spec,) = judge(load_config(EXAMPLES / "aerial.yaml"))
+    assert [agent.kind for agent in spec.agents] == ["drone", "drone", "junction"]
+    assert spec.labels.lane_lines
+    assert "aerial.yaml" in (EXAMPLES / "README.md").read_text("utf-8")
+
+
 def test_an_example_has_a_flash_lidar_and_rotating_ones_by_their_data_sheets() -> None:
     plan = judge(load_config(EXAMPLES / "lidar_products.yaml"))
     found = {sensor.id: sensor for sensor in plan[0].sensors if sensor.kind != "rgb"}
@@ -245,6 +252,7 @@ def test_carlas_agents_are_given_the_ego_and_its_way(
 def test_every_example_configuration_is_tested() -> None:
     names = sorted(path.name for path in EXAMPLES.glob("*.yaml"))
     assert names == [
+        "aerial.yaml",
         "events.yaml",
         "exact_voxels.yaml",
         "fleet.yaml",

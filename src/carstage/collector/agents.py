@@ -8,7 +8,9 @@ from typing import Any, Dict, Iterator, List, NamedTuple, Tuple
 import carla
 
 from carstage.collector.actors import EGO_SPACE_M, dress, find_blueprint
+from carstage.collector.drones import first_transform
 from carstage.collector.internals.errors import SceneError
+from carstage.collector.junctions import junction_transform
 from carstage.collector.maps import spawn_points
 from carstage.collector.world import WorldSession
 from carstage.spec import CARRIER_BLUEPRINT, AgentSpec, EgoSpec, EpisodeSpec
@@ -39,25 +41,37 @@ def spawn_agents(session: WorldSession, spec: EpisodeSpec, start: Any) -> Tuple[
         if agent.vehicle is not None:
             actor = _spawn_vehicle(session, agent, agent.vehicle, taken, path)
         else:
-            actor = _spawn_carrier(session, agent)
+            place = _carrier_place(session, agent, spec.step_s, start, path)
+            actor = _spawn_carrier(session, place)
         session.destroy_on_exit("agent %s" % agent.name, actor)
         agents.append(Agent(agent, actor))
     return tuple(agents)
 
 
-def _spawn_carrier(session: WorldSession, agent: AgentSpec) -> Any:
-    """What a roadside unit's sensors hang on."""
+def _carrier_place(
+    session: WorldSession, agent: AgentSpec, step_s: float, start: Any, path: str
+) -> Any:
+    """``carla.Transform`` where the sensors of an agent that is no vehicle begin.
+
+    Raises:
+        SceneError: the map has no such junction.
+    """
+    if agent.drone is not None:
+        return first_transform(agent.drone, step_s, start)
+    if agent.junction is not None:
+        return junction_transform(session.map, agent.junction, start, path)
     pose = agent.pose
     assert pose is not None
-    library = session.world.get_blueprint_library()
-    blueprint = find_blueprint(library, CARRIER_BLUEPRINT, "agents")
-    return session.world.spawn_actor(
-        blueprint,
-        carla.Transform(
-            carla.Location(pose.x_m, pose.y_m, pose.z_m),
-            carla.Rotation(pitch=pose.pitch_deg, yaw=pose.yaw_deg, roll=pose.roll_deg),
-        ),
+    return carla.Transform(
+        carla.Location(pose.x_m, pose.y_m, pose.z_m),
+        carla.Rotation(pitch=pose.pitch_deg, yaw=pose.yaw_deg, roll=pose.roll_deg),
     )
+
+
+def _spawn_carrier(session: WorldSession, place: Any) -> Any:
+    """What the sensors of an agent that is no vehicle hang on."""
+    library = session.world.get_blueprint_library()
+    return session.world.spawn_actor(find_blueprint(library, CARRIER_BLUEPRINT, "agents"), place)
 
 
 def _spawn_vehicle(

@@ -1,4 +1,4 @@
-"""Agents beside the ego: further cars and roadside units, each with a name and a rig of its own."""
+"""Agents beside the ego: cars, roadside units, cameras at junctions, drones; each has a rig."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import BeforeValidator, Discriminator, Field, Strict, field_validator, model_validator
 
 from carstage.config.drivers import AutopilotDriver, ClassDriver, Driver, RouteDriver
+from carstage.config.drones import DroneFlight
 from carstage.config.fields import Section, problem, setting, shortened
 from carstage.config.rig import Rig
 from carstage.config.scene import FROM_FILES, Channel, Stand
@@ -110,14 +111,58 @@ class RoadsideAgent(_Agent):
     )
 
 
+class JunctionAgent(_Agent):
+    """Cameras on a mast at a junction of the map, turned to the junction's middle."""
+
+    kind: Literal["junction"] = setting(
+        title="Agent", description="Sensors on a mast at a junction.", group="rig"
+    )
+    junction: Literal["near_ego", "random"] | Annotated[int, Field(ge=0)] = setting(
+        "near_ego",
+        title="Junction",
+        description="Id of a junction, as OpenDRIVE and the vector map have it; `random`; "
+        "`near_ego`: the nearest to where the ego begins.",
+        group="rig",
+    )
+    arm: int = setting(
+        0,
+        title="Road",
+        description="By which of the roads that lead to it the mast stands, clockwise from +x.",
+        group="rig",
+        ge=0,
+        le=20,
+    )
+    height_m: float = setting(
+        7.0, title="Height", description="Of the mast above the road.", unit="m", group="rig",
+        ge=1, le=100,
+    )  # fmt: skip
+
+
+class DroneAgent(_Agent, DroneFlight):
+    """Sensors on the gimbal of a drone: nothing to see or hit, moved along a path."""
+
+    kind: Literal["drone"] = setting(title="Agent", description="Sensors on a drone.", group="rig")
+
+
 def _with_kind(data: Any) -> Any:
     """``kind: vehicle`` may be left out."""
     return {"kind": VEHICLE, **data} if isinstance(data, dict) and "kind" not in data else data
 
 
-Agent = Annotated[VehicleAgent | RoadsideAgent, Discriminator("kind"), BeforeValidator(_with_kind)]
+AnyAgent = VehicleAgent | RoadsideAgent | JunctionAgent | DroneAgent
+Agent = Annotated[AnyAgent, Discriminator("kind"), BeforeValidator(_with_kind)]
 Agents = Annotated[tuple[Agent, ...], Strict(strict=False)]
-__all__ = ["AGENT_KINDS", "Agent", "Agents", "RoadsideAgent", "VehicleAgent", "check_agents"]
+__all__ = [
+    "AGENT_KINDS",
+    "Agent",
+    "Agents",
+    "AnyAgent",
+    "DroneAgent",
+    "JunctionAgent",
+    "RoadsideAgent",
+    "VehicleAgent",
+    "check_agents",
+]
 
 
 def check_agents(config: Config) -> None:
@@ -138,11 +183,18 @@ def check_agents(config: Config) -> None:
     for position, agent in enumerate(config.agents):
         if isinstance(agent, VehicleAgent):
             _check_agent_driver(agent.driver, config.timing, position)
-        elif not isinstance(config.server, EmbeddedServerConfig):
-            _check_roadside_radios(agent, position)
+            continue
+        if not isinstance(config.server, EmbeddedServerConfig):
+            _check_radios(agent, position)
+        if isinstance(agent, DroneAgent) and config.timing.mode != "sync":
+            raise problem(
+                "a drone needs a world that waits for each step.",
+                "Set timing.mode to sync, or leave the drone out.",
+                "agents", position, "kind",
+            )  # fmt: skip
 
 
-def _check_roadside_radios(agent: RoadsideAgent, position: int) -> None:
+def _check_radios(agent: RoadsideAgent | JunctionAgent | DroneAgent, position: int) -> None:
     for number, sensor in enumerate(agent.rig.sensors):
         if sensor.row.content == MESSAGES:
             raise problem(

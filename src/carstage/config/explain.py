@@ -9,6 +9,7 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from carstage.config.drivers import DRIVER_KINDS
+from carstage.config.drones import DRONE_PATH_KINDS
 from carstage.config.fields import path_text, shortened, unknown
 from carstage.config.scene import SCENARIO_KINDS
 from carstage.config.sensors import SENSOR_KINDS
@@ -26,6 +27,7 @@ _TAGS = {
     "events": tuple(known_events()),
     "sensors": tuple(SENSOR_KINDS),
     "agents": AGENT_KINDS,
+    "path": DRONE_PATH_KINDS,
 }
 #: Names that pydantic gives to the alternatives of a union such as `auto` or a number.
 _ALTERNATIVE = ("literal[", "constrained-", "int", "float", "tuple[", "function-", "str")

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from pydantic import model_validator
 
-from carstage.config.agents import Agents, RoadsideAgent, VehicleAgent, check_agents
+from carstage.config.agents import Agents, AnyAgent, VehicleAgent, check_agents
 from carstage.config.attributes import ImageSize, SensorAttributes, SweepAttributes
 from carstage.config.campaign import Campaign, Condition
 from carstage.config.conversion import Conversion
@@ -190,8 +190,8 @@ class Config(Section):
     agents: Agents = setting(
         (),
         title="Agents",
-        description="Cars and roadside units beside the ego, each with sensors of its own; see "
-        "docs/how-to/record-a-fleet.md.",
+        description="Cars, roadside units, cameras at junctions and drones beside the ego, each "
+        "with sensors of its own; see docs/how-to/record-a-fleet.md.",
         group="rig",
     )
     variants: VariantsByName = setting(
@@ -455,7 +455,7 @@ class Config(Section):
         """All requested sensors of the ego."""
         return self.rig.all_sensors
 
-    def seen_by(self, agent: VehicleAgent | RoadsideAgent) -> Config:
+    def seen_by(self, agent: AnyAgent) -> Config:
         """This configuration with an agent's rig in place of the ego's, and no agents."""
         return self.model_copy(update={"rig": agent.rig, "agents": ()})
 

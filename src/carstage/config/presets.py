@@ -1,8 +1,9 @@
 """Rigs that ship with Car-STAGE, after well-known data sets, each with its source.
 
-All stand on CARLA's vehicle: origin on the ground at the centre, x forward, y to the right. Data
-sets whose origin is the rear axle are moved forward by half a wheelbase. LiDARs make one full sweep
-per step whatever the frame rate; what a data set says in points per turn becomes rays per step.
+All but the last two stand on CARLA's vehicle: origin on the ground at the centre, x forward, y to
+the right. Those for drones and junctions look along the agent's own direction. Data sets whose
+origin is the rear axle are moved forward by half a wheelbase. LiDARs make one full sweep per step
+whatever the frame rate; what a data set says in points per turn becomes rays per step.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from pydantic import TypeAdapter
 
 from carstage.config.sensors import AnySensor, Sensor
 
-RigPreset = Literal["demo", "kitti", "nuscenes", "waymo", "paper"]
+RigPreset = Literal["demo", "kitti", "nuscenes", "waymo", "paper", "drone", "junction"]
 
 _HALF_WHEELBASE_M = 1.4
 _SENSORS: TypeAdapter[tuple[Sensor, ...]] = TypeAdapter(tuple[AnySensor, ...])
@@ -180,6 +181,21 @@ def _paper() -> list[dict[str, Any]]:
     ]
 
 
+def _drone() -> list[dict[str, Any]]:
+    """One camera on the gimbal, of 24 mm equivalent focal length: 36 mm wide film; a receiver."""
+    camera: dict[str, Any] = {"image_size": [1920, 1080], "fov_deg": _fov_deg(36, 24.0)}
+    return [
+        _sensor("CAM_GIMBAL", "rgb", 0.0, 0.0, 0.0, **camera),
+        _sensor("GNSS", "gnss", 0.0, 0.0, 0.0),
+    ]
+
+
+def _junction() -> list[dict[str, Any]]:
+    """One wide camera on the mast."""
+    camera: dict[str, Any] = {"image_size": [1920, 1080], "fov_deg": 90.0}
+    return [_sensor("CAM_MAST", "rgb", 0.0, 0.0, 0.0, **camera)]
+
+
 #: Rig by the name that `rig.preset` takes.
 RIG_PRESETS: Mapping[str, PresetRig] = {
     "demo": PresetRig("the demonstration's rig", "Car-STAGE", _demo),
@@ -205,5 +221,16 @@ RIG_PRESETS: Mapping[str, PresetRig] = {
         "the benchmark rig of the Car-STAGE paper",
         "sensors and image size of the paper's first experiment; positions are ours",
         _paper,
+    ),
+    "drone": PresetRig(
+        "a drone's camera and GNSS, for agents of kind `drone`",
+        "24 mm equivalent focal length, as DJI's data sheet of the Mavic 3 says; picture size is "
+        "ours",
+        _drone,
+    ),
+    "junction": PresetRig(
+        "a traffic camera, for agents of kind `junction` or `roadside`",
+        "figures are ours",
+        _junction,
     ),
 }

@@ -119,6 +119,10 @@ def _products(product: Schema) -> Iterator[str]:
         yield f"| `{name}` | {kinds} | {one.title} | {one.source} | {one.differs} |"
 
 
+_OF_DRONES = ("path", "gimbal")
+"""Sections within a kind of agent that have no other place on the page."""
+
+
 def _sections(path: str, node: Schema, root: Schema) -> Iterator[tuple[str, Schema]]:
     """The mappings at and below a key, each with its title."""
     if "oneOf" in node:
@@ -131,6 +135,9 @@ def _sections(path: str, node: Schema, root: Schema) -> Iterator[tuple[str, Sche
                 for key, below in section.get("properties", {}).items()
                 if "oneOf" in below.get("items", {})
             }
+            for key, below in section.get("properties", {}).items():
+                if key in _OF_DRONES:
+                    yield from _sections(f"{path}.{key}", below, root)
         for key, items in lists.items():
             yield from _sections(f"{path}.{key}[]", items, root)
         return

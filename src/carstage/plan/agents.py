@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from carstage.config import Config
-from carstage.config.agents import RoadsideAgent, VehicleAgent
+from carstage.config.agents import DroneAgent, JunctionAgent, RoadsideAgent, VehicleAgent
 from carstage.plan.draws import Draws
 from carstage.plan.drivers import plan_driver
+from carstage.plan.drones import plan_drone
 from carstage.plan.facts import ServerFacts
 from carstage.plan.rig import pose_spec
 from carstage.plan.starts import plan_start
-from carstage.spec import AgentSeeds, AgentSpec, EgoSpec, SensorSpec
+from carstage.spec import AgentSeeds, AgentSpec, EgoSpec, JunctionSpec, SensorSpec
 
 SensorsOf = Callable[[Config, int], tuple[SensorSpec, ...]]
 """The sensors of an agent by its position in the list."""
@@ -65,9 +66,25 @@ def plan_agents(
                 seeds=AgentSeeds(*seeds),
                 vehicle=vehicle,
                 pose=pose_spec(agent.pose) if isinstance(agent, RoadsideAgent) else None,
+                junction=_junction(agent, draws.unit(index, stream + 2))
+                if isinstance(agent, JunctionAgent)
+                else None,
+                drone=plan_drone(agent) if isinstance(agent, DroneAgent) else None,
             )
         )
     return tuple(made)
+
+
+def _junction(agent: JunctionAgent, draw: float) -> JunctionSpec:
+    """Where a mast stands; ``draw``, in [0, 1), is for a random junction."""
+    chosen = agent.junction
+    return JunctionSpec(
+        height_m=agent.height_m,
+        arm=agent.arm,
+        id=chosen if isinstance(chosen, int) else None,
+        draw=draw if chosen == "random" else None,
+        near_ego=chosen == "near_ego",
+    )
 
 
 def are_as_asked(agents: Sequence[AgentSpec], config: Config, sensors_of: SensorsOf) -> bool:
@@ -76,7 +93,8 @@ def are_as_asked(agents: Sequence[AgentSpec], config: Config, sensors_of: Sensor
         return False
     for position, (agent, asked) in enumerate(zip(agents, config.agents, strict=True)):
         driver = plan_driver(config, asked.driver) if isinstance(asked, VehicleAgent) else None
-        recorded = (agent.name, agent.kind, agent.ego.driver, agent.sensors)
-        if recorded != (asked.name, asked.kind, driver, sensors_of(config, position)):
+        drone = plan_drone(asked) if isinstance(asked, DroneAgent) else None
+        recorded = (agent.name, agent.kind, agent.ego.driver, agent.sensors, agent.drone)
+        if recorded != (asked.name, asked.kind, driver, sensors_of(config, position), drone):
             return False
     return True

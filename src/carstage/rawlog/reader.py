@@ -304,11 +304,24 @@ class EpisodeLog:
 
     def world_frames(self, index: int) -> list[WorldFrame]:
         """World snapshots of segment ``index``, one per tick, in order."""
-        return [
+        frames = [
             _world_frame(record, self._own_meta(record.meta))
             for record in self.read_segment(raw.WORLD, index)
             if record.kind == raw.KIND_DATA
         ]
+        for frame in frames:
+            self._note_motion(frame)
+        return frames
+
+    def _note_motion(self, frame: WorldFrame) -> None:
+        """Give a drone taken for the ego the motion that was noted: servers say that it stands."""
+        motion = frame.meta.get("motion")
+        if motion is None:
+            return
+        row = frame.actor_id == self.header["ego_id"]
+        frame.velocity[row] = motion["velocity"]
+        frame.acceleration[row] = motion["acceleration"]
+        frame.angular_velocity_deg[row] = motion["angular_velocity_deg"]
 
     def _own_meta(self, meta: Mapping[str, Any]) -> Mapping[str, Any]:
         """A world record's meta with what is noted of the ego; of the agent taken for it."""

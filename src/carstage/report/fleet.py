@@ -9,11 +9,13 @@ from carstage.dataset.reading import Episode
 from carstage.report import html
 
 _MOST_SENSORS = 12
+_WORDS = {"roadside": "roadside unit", "junction": "camera mast", "drone": "drone"}
 
 
 def fleet_section(episode: Episode) -> str:
     """Who they are, what they carry, how near they come to the ego; empty without agents."""
-    rows = [_row(view, _places(episode)) for view in episode.views[1:]]
+    kinds = {agent.name: agent.kind for agent in episode.spec.agents}
+    rows = [_row(view, kinds[str(view.agent_name)], _places(episode)) for view in episode.views[1:]]
     if not rows:
         return ""
     head = (
@@ -28,14 +30,14 @@ def fleet_section(episode: Episode) -> str:
     return "<h3>Agents</h3>" + html.table(head, rows)
 
 
-def _row(view: Episode, ego: dict[int, NDArray[np.float64]]) -> tuple[str, ...]:
+def _row(view: Episode, kind: str, ego: dict[int, NDArray[np.float64]]) -> tuple[str, ...]:
     sensors = [sensor.id for sensor in view.sensors]
     shown = ", ".join(sensors[:_MOST_SENSORS]) + (", …" if len(sensors) > _MOST_SENSORS else "")
     places = _places(view)
     distances = [float(np.linalg.norm(places[k] - ego[k])) for k in places if k in ego]
     return (
         str(view.agent_name),
-        view.spec.ego.blueprint if view.spec.ego.is_vehicle else "roadside unit",
+        _WORDS.get(kind, view.spec.ego.blueprint),
         str(view.document["ego_id"]),
         shown,
         str(len(set(view.objects()["track_id"].to_pylist()))),

@@ -1,4 +1,4 @@
-"""Agents beside the ego: further vehicles, and roadside units, each with sensors of its own.
+"""Agents beside the ego: further vehicles, roadside units and drones, each with its own sensors.
 
 An agent sees the episode as if it were its ego: :func:`seen_by` is the specification that its
 recording, its labels and its files follow from. So whatever knows an ego knows an agent.
@@ -10,6 +10,7 @@ import re
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Collection, Dict, Optional, Tuple
 
+from carstage.spec.drones import DroneSpec
 from carstage.spec.fields import Fields, SpecError
 from carstage.spec.plain import LEFT_OUT
 from carstage.spec.scenario import AutopilotSpec
@@ -21,7 +22,9 @@ if TYPE_CHECKING:
 
 VEHICLE = "vehicle"
 ROADSIDE = "roadside"
-AGENT_KINDS = (VEHICLE, ROADSIDE)
+JUNCTION = "junction"
+DRONE = "drone"
+AGENT_KINDS = (VEHICLE, ROADSIDE, JUNCTION, DRONE)
 MOST_AGENTS = 99
 CARRIER_BLUEPRINT = "sensor.other.gnss"
 """What carries the sensors of an agent that is no vehicle: an actor that nothing can touch or see,
@@ -48,16 +51,53 @@ class AgentSeeds:
 
 
 @dataclass(frozen=True)
+class JunctionSpec:
+    """A mast at a junction, from which an agent looks at the junction's middle.
+
+    The collector finds the place in the map: see ``carstage.collector.junctions``.
+
+    Attributes:
+        height_m: of the mast above the road.
+        arm: by which of the roads that lead to the junction it stands, from 0.
+        id: of the junction, as the map has it; None with ``draw`` and ``near_ego``.
+        draw: or the share, from 0 to below 1, of the list of junctions at which it is.
+        near_ego: or the junction that is nearest to where the ego begins.
+    """
+
+    height_m: float
+    arm: int
+    id: Optional[int] = field(default=None, metadata=LEFT_OUT)
+    draw: Optional[float] = field(default=None, metadata=LEFT_OUT)
+    near_ego: bool = field(default=False, metadata=LEFT_OUT)
+
+    @classmethod
+    def read(cls, fields: Fields) -> JunctionSpec:
+        """Check and read the section."""
+        given = [name for name in ("id", "draw", "near_ego") if name in fields]
+        if len(given) != 1:
+            raise SpecError("%s: needs one of id, draw and near_ego." % fields.path("id"))
+        return cls(
+            height_m=fields.number("height_m", 0.0),
+            arm=fields.integer("arm", 0),
+            id=fields.integer("id", 0) if "id" in fields else None,
+            draw=fields.number("draw", least=0.0, most=1.0) if "draw" in fields else None,
+            near_ego="near_ego" in fields and fields.flag("near_ego"),
+        )
+
+
+@dataclass(frozen=True)
 class AgentSpec:
     """An agent beside the ego.
 
     Attributes:
         name: unique in the episode; not ``ego``.
-        kind: ``vehicle`` or ``roadside``.
+        kind: ``vehicle``, ``roadside``, ``junction`` or ``drone``.
         sensors: its own; ``attach_to: ego`` is the agent itself.
         seeds: its own, so that an agent more or less changes nobody else.
         vehicle: of a vehicle: what it is, where it begins, who drives it.
         pose: of a roadside unit: where it stands, in CARLA's world axes.
+        junction: of a junction's camera mast: where it stands.
+        drone: of a drone: how it flies.
     """
 
     name: str
@@ -66,6 +106,8 @@ class AgentSpec:
     seeds: AgentSeeds
     vehicle: Optional[EgoSpec] = field(default=None, metadata=LEFT_OUT)
     pose: Optional[PoseSpec] = field(default=None, metadata=LEFT_OUT)
+    junction: Optional[JunctionSpec] = field(default=None, metadata=LEFT_OUT)
+    drone: Optional[DroneSpec] = field(default=None, metadata=LEFT_OUT)
 
     @classmethod
     def read(cls, fields: Fields, kinds: Optional[Collection[str]]) -> AgentSpec:
@@ -78,6 +120,8 @@ class AgentSpec:
             seeds=AgentSeeds.read(fields.object("seeds")),
             vehicle=EgoSpec.read(fields.object("vehicle")) if kind == VEHICLE else None,
             pose=read_pose(fields.object("pose")) if kind == ROADSIDE else None,
+            junction=JunctionSpec.read(fields.object("junction")) if kind == JUNCTION else None,
+            drone=DroneSpec.read(fields.object("drone")) if kind == DRONE else None,
         )
 
     @property

@@ -16,6 +16,10 @@ from carstage.spec import EpisodeSpec, SpecError, agent_of, stream_of
 LIDAR = {"id": "LIDAR", "kind": "lidar"}
 CAR = {"name": "car2", "rig": {"sensors": [{"id": "CAM", "kind": "rgb"}, LIDAR]}}
 MAST = {"name": "mast", "kind": "roadside", "pose": {"x": 1, "z": 5}, "rig": {"sensors": [LIDAR]}}
+ORBIT = {"kind": "orbit", "radius_m": 20}
+DRONE = {"name": "drone", "kind": "drone", "path": ORBIT, "rig": {"preset": "drone"}}
+CORNER = {"name": "corner", "kind": "junction", "rig": {"preset": "junction"}}
+TWICE = {"kind": "waypoints", "points": [[0, 0, 9], [0, 0, 9]]}
 FACTS = ServerFacts(maps={"Stage01": 80})
 
 
@@ -34,7 +38,25 @@ def spec(*agents: dict[str, Any], **settings: Any) -> EpisodeSpec:
         ([{**CAR, "name": "ego"}], {}, r"agents\[0\].name"),
         ([{**CAR, "name": "a/b"}], {}, r"agents\[0\].name"),
         ([CAR, {**MAST, "name": "CAR2"}], {}, r"agents\[1\].name: 'CAR2' is the name of another"),
-        ([{**CAR, "kind": "drone"}], {}, r"agents\[0\].kind: unknown kind 'drone'"),
+        ([{**CAR, "kind": "ship"}], {}, r"agents\[0\].kind: unknown kind 'ship'"),
+        ([{**DRONE, "path": {"kind": "dive"}}], {}, r"agents\[0\].path.kind: unknown kind 'dive'"),
+        ([{**DRONE, "path": TWICE}], {}, r"agents\[0\].path.points\[1\]: is the point before"),
+        (
+            [{**DRONE, "path": {**ORBIT, "speed_m_s": 30}}],
+            {},
+            r"agents\[0\].path.speed_m_s: 30 m/s is more than max_speed_m_s, 20",
+        ),
+        (
+            [{**DRONE, "gimbal": {"look_at": "ego", "pitch_deg": -30}}],
+            {},
+            r"agents\[0\].gimbal.pitch_deg: look_at says where to",
+        ),
+        (
+            [DRONE],
+            {"timing": {"mode": "async", "sensor_sync": False}},
+            r"agents\[0\].kind: a drone needs",
+        ),
+        ([{**CORNER, "junction": "all"}], {}, r"agents\[0\].junction"),
         ([{**CAR, "driver": "keyboard"}], {}, r"agents\[0\].driver: only the ego"),
         ([{**CAR, "rig": {"sensors": [{**LIDAR, "id": "L" * 20}]}}], {}, "at most 19"),
         ([{**CAR, "rig": {"sensors": []}}], {}, r"agents\[0\].rig"),
@@ -92,6 +114,29 @@ def test_the_specification_survives_json() -> None:
     for agent in planned.agents:
         seen = planned.seen_by(agent.name)
         assert EpisodeSpec.from_json(json.loads(seen.canonical_json())) == seen
+
+
+def test_drones_and_masts_survive_json_and_have_no_vehicle() -> None:
+    flights = [
+        {"path": ORBIT, "gimbal": {"look_at": "ego"}},
+        {"path": {**ORBIT, "center": [1, -0.0, 2], "clockwise": False}},
+        {"path": {"kind": "follow"}, "gimbal": {"look_at": [1, 2, 3]}},
+        {"path": {"kind": "waypoints", "points": [[0, 0, 9], [5, 0, 9]], "loop": True}},
+    ]
+    drones = [{**DRONE, "name": f"d{i}", **flight} for i, flight in enumerate(flights)]
+    masts = [{**CORNER, "name": f"j{i}", "junction": j} for i, j in enumerate([3, "random"])]
+    planned = spec(*drones, CORNER, *masts)
+    assert EpisodeSpec.from_json(json.loads(planned.canonical_json())) == planned
+    assert not any(agent.ego.is_vehicle for agent in planned.agents)
+    first = planned.agents[0].drone
+    assert first is not None
+    assert first.looks_at_ego
+    junctions = [agent.junction for agent in planned.agents if agent.junction is not None]
+    assert [(one.near_ego, one.id, one.draw is None) for one in junctions] == [
+        (True, None, True),
+        (False, 3, True),
+        (False, None, False),
+    ]
 
 
 def test_an_agent_sees_the_episode_as_its_ego() -> None:

@@ -314,7 +314,7 @@ def _moment(
         session.weather.values,
         scene.event_states(),
         scene.command(),
-        {agent.name: agent.command for agent in scene.agents},
+        {agent.name: agent.noted for agent in scene.agents},
     )
 
 

@@ -7,6 +7,7 @@ from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Seq
 
 from carstage.collector.drivers.base import Driver
 from carstage.collector.drivers.driving import EgoDriving
+from carstage.collector.drones import DroneFlight
 from carstage.collector.internals.plan import ProgramPlan, ServerPlan
 from carstage.collector.internals.traffic_manager_wakeup import TickWatch, started_threads
 from carstage.collector.scenario import Population, Scenario, make_scenario
@@ -27,6 +28,7 @@ class Party(NamedTuple):
         is_vehicle: whether it is a ``carla.Vehicle``.
         rig: its sensors.
         driving: its driver at work; None: the Traffic Manager drives, or nobody.
+        flight: of a drone: what moves it.
     """
 
     name: str
@@ -35,6 +37,7 @@ class Party(NamedTuple):
     is_vehicle: bool
     rig: Rig
     driving: Optional[EgoDriving]
+    flight: Optional[DroneFlight] = None
 
     def stream(self, sensor_id: str) -> str:
         """Stream of the raw log that one of its sensors is recorded in."""
@@ -44,6 +47,16 @@ class Party(NamedTuple):
     def command(self) -> Optional[List[Any]]:
         """What its driver commanded for the last step; None: it has none of its own."""
         return None if self.driving is None else self.driving.command
+
+    @property
+    def noted(self) -> Dict[str, Any]:
+        """What the log notes of it in each step beside its place."""
+        noted: Dict[str, Any] = {}
+        if self.command is not None:
+            noted["driver"] = list(self.command)
+        if self.flight is not None:
+            noted["motion"] = self.flight.noted
+        return noted
 
 
 class Scene:
@@ -93,6 +106,8 @@ class Scene:
         for party in self._parties:
             if party.driving is not None:
                 party.driving.before_step(tick)
+            if party.flight is not None:
+                party.flight.before_step(tick)
             party.rig.move_followers()
         return self._clock.step()
 
@@ -176,6 +191,11 @@ def build_scene(
             [("", population.ego), *((a.spec.name, a.actor) for a in population.agents)]
         )
     ]
+    for number, agent in enumerate(spec.agents, 1):
+        if agent.drone is not None:
+            carrier = parties[number].actor
+            flight = DroneFlight(session, agent.drone, carrier, population.ego, spec.step_s)
+            parties[number] = parties[number]._replace(flight=flight)
     event_runner = EventRunner(session, spec, population, server.traffic_manager_port)
     return Scene(session, clock, scenario, parties, population, spec.step_s, event_runner)
 

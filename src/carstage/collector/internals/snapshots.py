@@ -126,7 +126,7 @@ class WorldObserver:
         weather: Mapping[str, float],
         events: Optional[Sequence[Mapping[str, Any]]] = None,
         command: Optional[Sequence[Any]] = None,
-        agents: Mapping[str, Optional[Sequence[Any]]] = MappingProxyType({}),
+        agents: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
     ) -> WorldMoment:
         """Take the truth of the tick that ``snapshot`` belongs to, before the next one.
 
@@ -135,7 +135,8 @@ class WorldObserver:
             weather: the values that the tick was made with.
             events: how the planned events stood; None: none are planned.
             command: what the ego's driver commanded, as ``Command``; None: it has none of its own.
-            agents: of each further agent by name, what its driver commanded, likewise.
+            agents: of each further agent by name, what is noted of it: ``driver``, likewise, and
+                ``motion`` of a drone.
         """
         new_actors = self._new_actors(snapshot)
         states = self.states()
@@ -145,7 +146,7 @@ class WorldObserver:
             states["driver"] = list(command)
         if agents:
             states["agents"] = {
-                name: self._agent_state(name, commanded) for name, commanded in agents.items()
+                name: {**self._vehicle_of(name), **noted} for name, noted in agents.items()
             }
         return self._moment(snapshot, weather, new_actors, states, self.vehicle_lights())
 
@@ -175,10 +176,9 @@ class WorldObserver:
             },
         }
 
-    def _agent_state(self, name: str, commanded: Optional[Sequence[Any]]) -> Dict[str, Any]:
-        """What is noted of an agent beside its place, with the keys that the ego has."""
-        state = {"ego": _vehicle_state(self._agents[name])} if name in self._agents else {}
-        return state if commanded is None else {**state, "driver": list(commanded)}
+    def _vehicle_of(self, name: str) -> Dict[str, Any]:
+        """What the client knows of an agent's vehicle, as of the ego; nothing where it has none."""
+        return {"ego": _vehicle_state(self._agents[name])} if name in self._agents else {}
 
     def vehicle_lights(self) -> Dict[str, int]:
         """Ask the server which lights of which vehicles are on, by actor id."""

@@ -47,6 +47,7 @@ GROUPS: Final[dict[str, dict[str, str]]] = {
         "sensor_poses": "sensors are where ego, calibration and spec put them",
         "events": "events are those that were planned, as near as the labels say",
         "controls": "the driver's commands are one for each tick, and were applied",
+        "drones": "drones are where their paths are, and no faster than they may be",
         "fleet": "agents have the ego's frames, and put everybody where the ego's tables do",
         "variants": "variants of an episode have the same frames, and everybody at the same places",
         "readings": "IMU and GNSS read what the motion of their sensor makes them",

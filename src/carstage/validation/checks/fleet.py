@@ -1,4 +1,4 @@
-"""The ego and the agents beside it saw one world: the same frames, everybody at the same places."""
+"""The ego and the agents beside it saw one world; drones flew as they were planned."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ from carstage.validation.checks.findings import Findings
 _SAME_M = 1e-6
 """All tables are made of the same snapshots."""
 _KEYS = ("k", "track_id")
+_ON_PATH_M = 0.01
+"""Places have single precision: half a millimetre at 8 km from the map's origin."""
 
 
 def check_fleet(episode: Episode, findings: Findings) -> None:
@@ -34,6 +36,7 @@ def check_fleet(episode: Episode, findings: Findings) -> None:
     for view in views:
         try:
             _check_agent(episode, view, times_s, objects, findings)
+            check_flight(episode, view, findings)
         except CarStageError:
             continue  # as above, of the agent's
 
@@ -63,6 +66,42 @@ def _check_agent(
             k, track = min(apart)
             message = f"{whose}{what} {track} is elsewhere than the ego's tables say"
             findings.add("fleet", f"{message}, in {len(apart)} rows", frame=k)
+
+
+def check_flight(episode: Episode, view: Episode, findings: Findings) -> None:
+    """A drone is where its path is at that time, and no faster than allowed (check ``drones``).
+
+    The place is compared on paths that do not follow the ego.
+
+    Args:
+        episode: as the ego's.
+        view: as the agent's; nothing is checked where it is no drone.
+        findings: where problems go.
+    """
+    name = str(view.agent_name)
+    drone = episode.spec.agent(name).drone
+    if drone is None:
+        return
+    spec = episode.spec
+    rows = sorted(view.ego().select(["k", "location"]).to_pylist(), key=lambda row: row["k"])
+    places = {row["k"]: np.array(row["location"]) for row in rows}
+    apart = [
+        k
+        for k, place in places.items()
+        if not drone.path.follows_ego
+        and np.linalg.norm(place - drone.path.at(k * spec.save_every * spec.step_s).place)
+        > _ON_PATH_M
+    ]
+    if apart:
+        message = f"agent {name}: is off its path in {len(apart)} frames"
+        findings.add("drones", message, frame=apart[0])
+    most_m = drone.max_speed_m_s * spec.save_every * spec.step_s + _ON_PATH_M
+    fast = [
+        k for k in places if k + 1 in places and np.linalg.norm(places[k + 1] - places[k]) > most_m
+    ]
+    if fast:
+        message = f"agent {name}: is faster than {drone.max_speed_m_s:g} m/s in {len(fast)} frames"
+        findings.add("drones", message, frame=fast[0])
 
 
 def _places(table: pa.Table, column: str = "actor_location") -> dict[tuple[int, int], Any]:

@@ -17,6 +17,7 @@ from carstage.config.fields import Section, path_text, problem, setting, unknown
 from carstage.config.labels import GroundTruth, Labels
 from carstage.config.occupancy import Occupancy
 from carstage.config.output import Output
+from carstage.config.patches import Patches, with_pair
 from carstage.config.rig import Rig, default_rig
 from carstage.config.scene import (
     DEFAULT_MAP,
@@ -200,6 +201,19 @@ class Config(Section):
         "else equal; see docs/how-to/record-variants.md.",
         group="rig",
     )
+    patches: Patches = setting(
+        (),
+        title="Patches",
+        description="Pictures on boards, vehicles and people. Where no variants are named, every "
+        "episode is recorded with and without them; see docs/how-to/patches.md.",
+        group="scene",
+    )
+    show_patches: bool = setting(
+        True,
+        title="Show patches",
+        description="Whether the pictures are on their boards; else these are plain.",
+        group="scene",
+    )
     server: ServerConfig = setting(
         EmbeddedServerConfig,
         title="Server",
@@ -239,7 +253,7 @@ class Config(Section):
             section = data.get(key)
             if isinstance(section, dict) and "kind" not in section:
                 filled[key] = {"kind": kind, **section}
-        return filled
+        return with_pair(filled)
 
     @model_validator(mode="after")
     def _check_together(self) -> Config:

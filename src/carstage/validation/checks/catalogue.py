@@ -49,6 +49,7 @@ GROUPS: Final[dict[str, dict[str, str]]] = {
         "controls": "the driver's commands are one for each tick, and were applied",
         "fleet": "agents have the ego's frames, and put everybody where the ego's tables do",
         "variants": "variants of an episode have the same frames, and everybody at the same places",
+        "patch_pairs": "pictures with and without patches are equal outside of them",
         "readings": "IMU and GNSS read what the motion of their sensor makes them",
     },
     "Labels against the data": {
@@ -59,6 +60,7 @@ GROUPS: Final[dict[str, dict[str, str]]] = {
         "birds_eye": "bird's-eye grids are what map, boxes, depth images and points make them",
         "occupancy": "voxels agree with boxes, and explain depth images and points",
         "lane_lines": "lines in pictures are what vector map, poses and depth images make them",
+        "patches": "outlines of patches are what corners, poses and depth images make them",
         "lidar_counts": "boxes hold as many LiDAR points as their labels say",
         "lidar_depth": "LiDAR and depth images see the same surfaces",
         "flash_beams": "points of flash LiDARs lie on their beams, within their range",

@@ -118,8 +118,8 @@ def _rays(scene: TrialScene) -> None:
 
 
 _UNIFORM = (
-    "An object takes the mean colour of the texture all over; normal and roughness textures are "
-    "accepted and change nothing."
+    "Objects and spawned props show the texture over the faces of their boxes, vehicles and "
+    "walkers do not; light is of its mean colour, and normal and roughness textures change nothing."
 )
 
 

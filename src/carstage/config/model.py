@@ -204,8 +204,8 @@ class Config(Section):
     patches: Patches = setting(
         (),
         title="Patches",
-        description="Pictures on boards, vehicles and people. Where no variants are named, every "
-        "episode is recorded with and without them; see docs/how-to/patches.md.",
+        description="Pictures on boards, vehicles and people; without `variants`, episodes are "
+        "recorded with and without them. See docs/how-to/patches.md.",
         group="scene",
     )
     show_patches: bool = setting(

@@ -41,22 +41,22 @@ class Patch(Section):
 
     target: Literal["billboard", "shop_front", "vehicle_rear", "person"] = setting(
         title="Target",
-        description="A board beside the road, one on a building's wall, one on the rear of a "
-        "vehicle at least 2 m wide, or a case that a pedestrian carries before the chest.",
+        description="A board beside the road, on a wall, or on a wide vehicle's rear; a case "
+        "before a pedestrian's chest.",
         group="scene",
     )
     pattern: Literal["noise", "checker", "blobs"] | None = setting(
         None,
         title="Pattern",
-        description="A generated picture, another one in every episode: squares of random colours, "
-        "a checkerboard of two, or round blobs. One of pattern and file is needed.",
+        description="A generated picture, another one in every episode. One of pattern and file is "
+        "needed.",
         group="scene",
     )
     file: str | None = setting(
         None,
         title="Picture file",
-        description="A picture of yours (PNG, JPEG, …); relative to the working directory. It is "
-        "brought to at most 128 px and becomes a part of the episode.",
+        description="A picture of yours (PNG, JPEG, …); relative to the working directory. It gets "
+        "at most 128 px a side.",
         group="scene",
     )
     size: _Size | _Sizes = setting(
@@ -75,8 +75,8 @@ class Patch(Section):
     distance_m: _Distance | _Distances = setting(
         (12.0, 30.0),
         title="Distance",
-        description="Along the ego's lane from its start, or `[low, high]` to draw from. Of "
-        "vehicles and pedestrians, the nearest to there is taken.",
+        description="From the ego's start, or `[low, high]` to draw from; of vehicles and "
+        "pedestrians, the nearest to there is taken.",
         unit="m",
         group="scene",
     )

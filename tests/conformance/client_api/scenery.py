@@ -118,8 +118,8 @@ def _rays(scene: TrialScene) -> None:
 
 
 _UNIFORM = (
-    "Objects and spawned props show the texture over the faces of their boxes, vehicles and "
-    "walkers do not; light is of its mean colour, and normal and roughness textures change nothing."
+    "Objects and props show a picture on the faces of their boxes. Light has its mean colour; "
+    "roughness changes nothing."
 )
 
 

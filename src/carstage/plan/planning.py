@@ -193,7 +193,8 @@ class _Planner:
         )
         recording = self._recording
         if isinstance(recording, Drive):
-            return driven_again(recording, index, self.settings(config), weather)
+            driven = driven_again(recording, index, self.settings(config), weather)
+            return replace(driven, patches=self.patches(config, index))
         scenario = self._once(
             "scenario",
             (config.scenario, name, config.duration_s, config.fps),

@@ -6,6 +6,8 @@ that is plain but for the picture. So a recording without the patch differs in t
 
 from __future__ import annotations
 
+import base64
+import binascii
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Optional, Sequence, Tuple
 
@@ -54,9 +56,6 @@ class PatchPicture:
     @classmethod
     def read(cls, section: Fields) -> PatchPicture:
         """Check and read the section."""
-        import base64
-        import binascii
-
         width = section.integer("width", 1, PICTURE_PX)
         height = section.integer("height", 1, PICTURE_PX)
         text = section.text("rgb")
@@ -71,8 +70,6 @@ class PatchPicture:
 
     def pixels(self) -> bytes:
         """Red, green, blue of each pixel, row by row from the top."""
-        import base64
-
         return base64.b64decode(self.rgb)
 
 

@@ -126,6 +126,15 @@ def picture_colour(pictures, texels, number, p, n, pixel):  # type: ignore[no-un
     first, levels = int(pictures[number, 16]), int(pictures[number, 19])
     width, height = int(pictures[number, 17]), int(pictures[number, 18])
     covered = pixel * max(np.float32(width) / wide, np.float32(height) / tall)
+    thin = int(pictures[number, 15])
+    if thin >= 0:
+        # Rims are narrow and seen at a slant: their pixels would take in all of the picture.
+        k = 3 + 3 * thin
+        facing = (
+            n[0] * pictures[number, k] + n[1] * pictures[number, k + 1]
+            + n[2] * pictures[number, k + 2]
+        )  # fmt: skip
+        covered = covered if abs(facing) > _HALF else _ZERO
     for _level in range(levels - 1):
         if covered >= _TWO:
             first += width * height

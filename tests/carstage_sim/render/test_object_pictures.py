@@ -127,3 +127,9 @@ def test_labels_have_a_patch_where_the_simulator_draws_it(extent, front):
     for corner, (s, t) in zip(corners, expected, strict=True):
         seen = face_at(found, tuple(np.float32(x) for x in corner), n)
         assert seen[:2] == pytest.approx((s, t), abs=1e-5)
+
+
+def test_a_rim_keeps_the_colour_of_the_edge_whatever_a_pixel_covers():
+    found = tables(placed(PLATE))
+    at_rim = (0.6, 0.5, 0.004)
+    assert np.allclose(colour(found, at_rim, (1, 0, 0), 5.0), colour(found, at_rim, (1, 0, 0)))

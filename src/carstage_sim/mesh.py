@@ -93,6 +93,7 @@ class Material(IntEnum):
     """Of grass."""
     BARK_PALE = 67
     WOODS = 68
+    PICTURE = 69
     """Hills with trees, from afar."""
 
 

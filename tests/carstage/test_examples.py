@@ -20,6 +20,7 @@ from carstage.config import load_config
 from carstage.dataset import Dataset
 from carstage.runs.preflight import judge
 from carstage.spec import EVENT_SPECS, ClassDriverSpec, ScenicSpec, StoryboardSpec
+from carstage.spec.patches import TARGETS
 from recorded_dataset import FRAMES
 from scenic_python import scenic_python
 
@@ -176,6 +177,14 @@ def test_an_example_has_a_flash_lidar_and_rotating_ones_by_their_data_sheets() -
     assert "lidar_products.yaml" in (EXAMPLES / "README.md").read_text("utf-8")
 
 
+def test_an_example_has_patches_on_every_target_recorded_with_and_without() -> None:
+    plan = judge(load_config(EXAMPLES / "patches.yaml"))
+    assert len(plan) == 2 * 2
+    assert {patch.target for patch in plan[0].patches} == set(TARGETS)
+    assert [spec.patches[0].is_shown for spec in plan] == [True, False] * 2
+    assert "patches.yaml" in (EXAMPLES / "README.md").read_text("utf-8")
+
+
 def test_an_example_has_each_drive_under_four_skies_and_by_a_fisheye() -> None:
     plan = judge(load_config(EXAMPLES / "variants.yaml"))
     assert len(plan) == 3 * 5
@@ -260,6 +269,7 @@ def test_every_example_configuration_is_tested() -> None:
         "night_crowds.yaml",
         "openscenario.yaml",
         "own_driver.yaml",
+        "patches.yaml",
         "scenic.yaml",
         "sweep_lidar.yaml",
         "v2x.yaml",

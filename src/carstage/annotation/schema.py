@@ -335,6 +335,29 @@ LANE_LINE_COLUMNS: tuple[Column, ...] = (
     ),
 )
 LANE_LINES = "lane_lines.parquet"
+PATCH_COLUMNS: tuple[Column, ...] = (
+    _K,
+    Column("sensor_id", "str", "", "the labelled camera"),
+    Column("patch", "str", "", "name of the patch, `patch0` is the first of `patches`"),
+    Column("target", "str", "billboard, shop_front, vehicle_rear, person", "what it is on"),
+    Column("shown", "bool", "", "whether the picture is there; else the board is plain"),
+    Column("actor_id", "i64", "", "actor id of the board"),
+    Column("target_id", "i64", "", "track id of the vehicle or person that carries it; 0: none"),
+    Column("face", "str", "front, back", "of the board, as the embedded simulator shows both"),
+    Column("u", "f64[]", "px", "outline, cut at the picture's edges: to the right"),
+    Column("v", "f64[]", "px", "down"),
+    Column("pixels", "i32", "px", "whose middle lies in the outline, seen or not"),
+    Column("visible_share", "f64", "", "of these pixels, before which nothing stands"),
+    Column("distance", "f64", "m", "of the patch's middle from the camera"),
+    Column("facing", "f64", "", "cosine between the patch's normal and the way to the camera"),
+    Column(
+        "corners",
+        "f64[]",
+        "m",
+        "12 numbers: x, y, z in the world of top left, top right, bottom right, bottom left",
+    ),
+)
+PATCHES = "patches.parquet"
 
 TABLES: dict[str, tuple[Column, ...]] = {
     "objects.parquet": OBJECT_COLUMNS,
@@ -344,19 +367,26 @@ TABLES: dict[str, tuple[Column, ...]] = {
 }
 
 
-def frame_tables(*, lane_lines: bool) -> dict[str, tuple[Column, ...]]:
+def frame_tables(*, lane_lines: bool, patches: bool = False) -> dict[str, tuple[Column, ...]]:
     """The tables with rows of frames, by their files.
 
     Args:
         lane_lines: whether lines in pictures are asked for.
+        patches: whether there are patches.
     """
-    return {**TABLES, LANE_LINES: LANE_LINE_COLUMNS} if lane_lines else TABLES
+    optional = {LANE_LINES: (lane_lines, LANE_LINE_COLUMNS), PATCHES: (patches, PATCH_COLUMNS)}
+    return {**TABLES, **{name: columns for name, (asked, columns) in optional.items() if asked}}
 
 
 def markdown() -> str:
     """The tables as Markdown, as they stand in ``docs/formats/dataset.md``."""
     lines: list[str] = []
-    optional = {EVENTS: EVENT_COLUMNS, CONTROLS: CONTROL_COLUMNS, LANE_LINES: LANE_LINE_COLUMNS}
+    optional = {
+        EVENTS: EVENT_COLUMNS,
+        CONTROLS: CONTROL_COLUMNS,
+        LANE_LINES: LANE_LINE_COLUMNS,
+        PATCHES: PATCH_COLUMNS,
+    }
     for file, columns in {**TABLES, **optional}.items():
         lines += [
             f"### {file}",

@@ -17,6 +17,7 @@ from carstage.config.fields import Section, path_text, problem, setting, unknown
 from carstage.config.labels import GroundTruth, Labels
 from carstage.config.occupancy import Occupancy
 from carstage.config.output import Output
+from carstage.config.patches import Patches, with_pair
 from carstage.config.rig import Rig, default_rig
 from carstage.config.scene import (
     DEFAULT_MAP,
@@ -201,6 +202,19 @@ class Config(Section):
         "else equal; see docs/how-to/record-variants.md.",
         group="rig",
     )
+    patches: Patches = setting(
+        (),
+        title="Patches",
+        description="Pictures on boards, vehicles and people; without `variants`, episodes are "
+        "recorded with and without them. See docs/how-to/patches.md.",
+        group="scene",
+    )
+    show_patches: bool = setting(
+        True,
+        title="Show patches",
+        description="Whether the pictures are on their boards; else these are plain.",
+        group="scene",
+    )
     server: ServerConfig = setting(
         EmbeddedServerConfig,
         title="Server",
@@ -240,7 +254,7 @@ class Config(Section):
             section = data.get(key)
             if isinstance(section, dict) and "kind" not in section:
                 filled[key] = {"kind": kind, **section}
-        return filled
+        return with_pair(filled)
 
     @model_validator(mode="after")
     def _check_together(self) -> Config:

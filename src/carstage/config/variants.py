@@ -43,6 +43,11 @@ class Variant(Section):
         description="Of cameras that do not say otherwise, in place of the configuration's.",
         unit="px",
     )
+    show_patches: bool | None = setting(
+        None,
+        title="Show patches",
+        description="Whether it shows the patches, in place of the configuration's.",
+    )
 
 
 VariantsByName = Annotated[dict[str, Variant], Field(max_length=MOST_VARIANTS)]

@@ -440,7 +440,9 @@ class EpisodeConversion:
 
     def _merge_labels(self, log: EpisodeLog) -> None:
         segments = self._segments(log)
-        for name, columns in frame_tables(lane_lines=log.spec.labels.lane_lines).items():
+        spec = log.spec
+        asked = frame_tables(lane_lines=spec.labels.lane_lines, patches=bool(spec.patches))
+        for name, columns in asked.items():
             schema = label_schema(columns)
             folder = parts_folder(self.raw_folder, self._agent)
             parts = [read_label_part(folder, name, segment) for segment in segments]

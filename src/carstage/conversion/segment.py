@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 from carstage.annotation import CameraImages, EpisodeLabeller
 from carstage.annotation.decoding import decode_depth_bgra
 from carstage.annotation.point_sensors import radar_points
-from carstage.annotation.schema import LANE_LINES, Column, frame_tables
+from carstage.annotation.schema import LANE_LINES, PATCHES, Column, frame_tables
 from carstage.codecs import codec_for
 from carstage.codecs.codec import image_bgra
 from carstage.conversion.flash_lidar import flash_payload
 from carstage.conversion.lane_lines import LaneLineMaker
 from carstage.conversion.occupancy import occupancy_files, part_path
+from carstage.conversion.patches import PatchMaker
 from carstage.conversion.reprojection import Picture, record_picture
 from carstage.conversion.sensors import RecordedSensor
 from carstage.conversion.surroundings import Surroundings
@@ -134,14 +135,16 @@ def label_segment(
     """
     log = EpisodeLog(raw_folder, agent)
     ticks = saved_ticks(log, segment)
+    actors = log.actors(up_to_segment=segment)
     labeller = EpisodeLabeller(
         log.header,
-        log.actors(up_to_segment=segment),
+        actors,
         level_objects=log.level_objects(up_to_segment=segment),
     )
     around = Surroundings(log)
     lines = LaneLineMaker(log) if log.spec.labels.lane_lines else None
-    tables = frame_tables(lane_lines=log.spec.labels.lane_lines)
+    patches = PatchMaker(log, actors) if log.spec.patches else None
+    tables = frame_tables(lane_lines=lines is not None, patches=patches is not None)
     streams = {camera: labeller.inputs(camera) for camera in labeller.labelled_cameras}
     by_id = {sensor.id: sensor for sensor in log.spec.sensors}
     image_streams = {
@@ -187,6 +190,8 @@ def label_segment(
         rows["sensor_poses.parquet"] += labels.sensor_poses
         if lines is not None:
             rows[LANE_LINES] += lines.rows(ticks[world.tick], labels, images)
+        if patches is not None:
+            rows[PATCHES] += patches.rows(ticks[world.tick], world, labels, images)
         sweeps = {name: by_tick[name].get(world.tick) for name in around.swept}
         files += around.files(world, ticks[world.tick], labels, images, clouds, sweeps)
     folder = parts_folder(raw_folder, agent)

@@ -442,6 +442,15 @@ class Episode:
         """
         return message_table(self.sensors)
 
+    def patches(self) -> pa.Table | None:
+        """``patches.parquet``: one row per frame, labelled camera and patch in view.
+
+        ``None`` where the episode has no patches.
+        """
+        if not self.spec.patches:
+            return None
+        return read_table(self.folder / "patches.parquet")
+
     def ledger(self) -> pa.Table:
         """``frames.parquet``: one row per tick."""
         return read_table(self.folder / "frames.parquet")

@@ -27,6 +27,7 @@ from carstage.plan.episodes import EpisodePlan
 from carstage.plan.estimate import COST, EpisodeCosts
 from carstage.plan.facts import ServerFacts
 from carstage.plan.offered import check_offered
+from carstage.plan.patches import plan_patches
 from carstage.plan.rig import plan_sensors
 from carstage.plan.sampling import Sampling
 from carstage.plan.scenario import plan_scenario
@@ -50,6 +51,7 @@ from carstage.spec import (
     WeatherChange,
     WeatherSpec,
 )
+from carstage.spec.patches import PatchSpec
 
 _CHOICES_STREAM = 1000
 _LARGEST_SEED = 0x7FFF_FFFF  # CARLA keeps noise seeds in signed 32-bit integers
@@ -191,7 +193,8 @@ class _Planner:
         )
         recording = self._recording
         if isinstance(recording, Drive):
-            return driven_again(recording, index, self.settings(config), weather)
+            driven = driven_again(recording, index, self.settings(config), weather)
+            return replace(driven, patches=self.patches(config, index))
         scenario = self._once(
             "scenario",
             (config.scenario, name, config.duration_s, config.fps),
@@ -212,6 +215,7 @@ class _Planner:
             scenario=scenario,
             seeds=self.seeds(index),
             agents=plan_agents(config, facts, name, index, self._draws, self.agent_sensors),
+            patches=self.patches(config, index),
         )
 
     def config(self, index: int) -> Config:
@@ -226,6 +230,10 @@ class _Planner:
         agent = config.agents[position]
         of = (agent.rig, config.labels, config.fps, config.image_size)
         return self._once(f"agents[{position}]", of, lambda: plan_sensors(config.seen_by(agent)))
+
+    def patches(self, config: Config, index: int) -> tuple[PatchSpec, ...]:
+        """The patches of an index; ``config`` is the one of that index."""
+        return plan_patches(config, index, self._draws)
 
     def seeds(self, index: int) -> Seeds:
         """One integer for each consumer of randomness in an episode."""
@@ -334,6 +342,8 @@ class PlanMatcher:
         if isinstance(driver, ReplayDriver) or plan_driver(config, driver) != spec.ego.driver:
             return None
         if not are_as_asked(spec.agents, config, planner.agent_sensors):
+            return None
+        if spec.patches != planner.patches(config, spec.index):
             return None
         wanted = planner.settings(config)
         del wanted["dialect"]

@@ -35,6 +35,7 @@ from carstage.report.fleet import fleet_section
 from carstage.report.lane_lines import lane_lines_section
 from carstage.report.messages import messages_section
 from carstage.report.occupancy import occupancy_section
+from carstage.report.patches import patches_section
 from carstage.sensor_kinds.columns import Detection
 from carstage.sensor_kinds.model import CAMERAS, CLOUDS, COLOUR, DETECTIONS, ROWS
 from carstage.spec import STORY_ACTION, STORY_EVENT
@@ -85,7 +86,7 @@ def episode_section(pictures: EpisodePictures, *, films: bool = False) -> str:
             f'objects.</p><div class="grid wide">{birds_eye}</div>'
         )
     parts += [lane_lines_section(episode, middle), birds_eye_section(episode, middle)]
-    parts += [occupancy_section(episode, middle)]
+    parts += [occupancy_section(episode, middle), patches_section(episode, middle)]
     parts += [_events(episode), _rig(episode), fleet_section(episode), _agents_views(pictures)]
     parts += [messages_section(episode), _ledger(episode)]
     return "\n".join(parts)

@@ -132,6 +132,16 @@ def _measured(report: ValidationReport) -> list[tuple[str, str]]:
                 f"{variants['largest_m']:g} m, {variants['largest_deg']:g} degrees",
             )
         )
+    pairs = figures["patch_pairs"]
+    if pairs["images"]:
+        wet = f"; {pairs['mirrored']:,} where wet surfaces mirror" if pairs["mirrored"] else ""
+        rows.append(
+            (
+                f"Pixels outside of patches that differ with and without, {pairs['pixels']:,} "
+                "compared",
+                f"{pairs['differing']:,}{wet}",
+            )
+        )
     rows.append(
         ("Steps of objects that are those of their velocities",
          _share(motion["share"], motion["steps"], "to compare"))

@@ -17,6 +17,7 @@ from carstage.config.dimensions import maps_of
 from carstage.config.drivers import ReplayDriver
 from carstage.config.fields import unknown
 from carstage.config.own_maps import own_maps
+from carstage.config.patches import check_patch_files
 from carstage.config.scene import (
     LogScenario,
     OpenScenarioScenario,
@@ -79,6 +80,7 @@ def check_before_server(config: Config, *, offline: bool = False) -> None:
     if config.server.client_python != AUTO:
         check_interpreter(without_tilde(config.server.client_python))
     own_maps(config)
+    check_patch_files(config)
     recording_of(config)
 
 

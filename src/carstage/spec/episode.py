@@ -16,6 +16,7 @@ from carstage.spec.agents import AgentSpec, read_agents, seen_by, stream_of
 from carstage.spec.defaults import MAX_DISTANCE_M
 from carstage.spec.fields import Fields, SpecError
 from carstage.spec.labels import GroundTruthSpec, LabelsSpec
+from carstage.spec.patches import PatchSpec, read_patches
 from carstage.spec.plain import LEFT_OUT, plain
 from carstage.spec.road_users import PedestriansSpec, TrafficSpec, VehiclesSpec
 from carstage.spec.scenario import ScenarioSpec, read_scenario
@@ -66,6 +67,7 @@ class EpisodeSpec:
         agents: further vehicles and roadside units with sensors of their own.
         wet_grip: whether the embedded simulator lets water on the road take grip of the tyres.
         variant: which variant of an episode this is; None: it has none.
+        patches: pictures that are put on boards, see ``carstage.spec.patches``.
     """
 
     dialect: str
@@ -94,6 +96,7 @@ class EpisodeSpec:
     agents: Tuple[AgentSpec, ...] = field(default=(), metadata=LEFT_OUT)
     wet_grip: bool = field(default=True, metadata=LEFT_OUT)
     variant: Optional[VariantSpec] = field(default=None, metadata=LEFT_OUT)
+    patches: Tuple[PatchSpec, ...] = field(default=(), metadata=LEFT_OUT)
 
     @classmethod
     def from_json(
@@ -151,6 +154,7 @@ class EpisodeSpec:
             agents=read_agents(given, kinds),
             wet_grip=given.flag("wet_grip") if "wet_grip" in given else True,
             variant=VariantSpec.read(given.object("variant")) if "variant" in given else None,
+            patches=read_patches(given),
         )
 
     def to_json(self) -> Dict[str, Any]:

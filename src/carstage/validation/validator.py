@@ -17,6 +17,7 @@ from carstage.validation.checks.findings import Findings, Problem, Severity
 from carstage.validation.checks.fleet import check_fleet
 from carstage.validation.checks.maps import MapChecks
 from carstage.validation.checks.messages import check_messages
+from carstage.validation.checks.patch_pairs import check_patch_pairs
 from carstage.validation.checks.pictures import check_repeated_episodes
 from carstage.validation.checks.population import check_population
 from carstage.validation.checks.splits import check_splits
@@ -44,7 +45,8 @@ class ValidationReport:
             ``flow``: by camera, pixels compared and the share that agrees; ``motion``: steps of
             objects, likewise; ``pictures``: by camera, images and how many show nothing;
             ``labels``: counts; ``variants``: episodes in variants, poses compared, and how far they
-            lie apart at most.
+            lie apart at most; ``patch_pairs``: pictures with and without patches, and
+            pixels outside of these that differ.
     """
 
     problems: tuple[Problem, ...]
@@ -142,6 +144,7 @@ def validate_dataset(
         findings = Findings(next(iter(variants.episodes.values())).id)
         everything.append(findings)
         check_variants(variants, findings, figures.variants)
+        check_patch_pairs(variants, findings, figures.patch_pairs)
     findings = Findings(None)
     everything.append(findings)
     if not dataset.episodes:

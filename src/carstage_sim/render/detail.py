@@ -19,7 +19,7 @@ from carstage_sim.render.noise_lanes import side_by_side
 NONE, ASPHALT, PAVING = int(Detail.NONE), int(Detail.ASPHALT), int(Detail.PAVING)
 BRICK, GRASS, LEAVES = int(Detail.BRICK), int(Detail.GRASS), int(Detail.LEAVES)
 MARKING, WINDOW, PLASTER = int(Detail.MARKING), int(Detail.WINDOW), int(Detail.PLASTER)
-BARK, GLAZING = int(Detail.BARK), int(Detail.GLAZING)
+BARK, GLAZING, PICTURE = int(Detail.BARK), int(Detail.GLAZING), int(Detail.PICTURE)
 
 _ONE: Any = np.float32(1)
 _HALF: Any = np.float32(0.5)

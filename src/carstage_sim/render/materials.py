@@ -34,6 +34,7 @@ class Detail(IntEnum):
     CLOTH = 10
     BARK = 11
     GLAZING = 12
+    PICTURE = 13
 
 
 class Glow(IntEnum):
@@ -167,6 +168,7 @@ APPEARANCES: dict[Material, MaterialAppearance] = {
     Material.BLADES: MaterialAppearance((94, 118, 54), 0.9, 0.02, Detail.LEAVES),
     Material.BARK_PALE: MaterialAppearance((176, 172, 162), 1.0, 0.02, Detail.BARK),
     Material.WOODS: MaterialAppearance((86, 104, 82), 1.0, 0.02, Detail.GRASS),
+    Material.PICTURE: MaterialAppearance((128, 128, 128), 0.9, 0.02, Detail.PICTURE),
 }
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from carstage_sim.maps.street_lamps import StreetLamps
 from carstage_sim.render.cast import Geometry
+from carstage_sim.render.pictures import picture_tables
 from carstage_sim.world.town_changes import TownChanges
 
 
@@ -22,14 +23,19 @@ class ObjectAppearance(NamedTuple):
     """How level objects appear; row = object id, row 0 stands for what is no object.
 
     Attributes:
-        paint: ``(O + 1, 4)`` float32 linear RGB, and 1 where it replaces the surface's colour.
+        paint: ``(O + 1, 4)`` float32 linear RGB, and 1 where it replaces the surface's colour; 2
+            and more is 2 + the row of a picture that does.
         glow: ``(O + 1, 3)`` float32 linear RGB of light that the surface emits.
         lamp: ``(O + 1,)`` int32 street lamp that the object is, -1 for none.
+        pictures, texels: see :class:`carstage_sim.render.pictures.PictureTables`; rows are the
+            pictures' numbers.
     """
 
     paint: NDArray[np.float32]
     glow: NDArray[np.float32]
     lamp: NDArray[np.int32]
+    pictures: NDArray[np.float32]
+    texels: NDArray[np.float32]
 
 
 def object_appearance(count: int, lamps: StreetLamps, changes: TownChanges) -> ObjectAppearance:
@@ -38,11 +44,14 @@ def object_appearance(count: int, lamps: StreetLamps, changes: TownChanges) -> O
         np.zeros((count + 1, 4), np.float32),
         np.zeros((count + 1, 3), np.float32),
         np.full(count + 1, -1, np.int32),
+        *picture_tables(changes.placed_pictures),
     )
     for object_id, colour in changes.paint.items():
         appearance.paint[object_id] = (*colour, 1.0)
     for object_id, colour in changes.glow.items():
         appearance.glow[object_id] = colour
+    for object_id, row in changes.picture_rows.items():
+        appearance.paint[object_id, 3] = 2.0 + row
     appearance.lamp[lamps.object_id] = np.arange(len(lamps), dtype=np.int32)
     appearance.lamp[0] = -1
     return appearance

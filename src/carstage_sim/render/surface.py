@@ -8,8 +8,17 @@ from typing import Any
 import numpy as np
 
 from carstage_sim.kernels import device, inlined
-from carstage_sim.render.detail import ASPHALT, LEAVES, WINDOW, faded, pattern, window
+from carstage_sim.render.detail import (
+    ASPHALT,
+    LEAVES,
+    PICTURE,
+    WINDOW,
+    faded,
+    pattern,
+    window,
+)
 from carstage_sim.render.leaves import leaf_colour
+from carstage_sim.render.pictures import picture_colour, picture_colour_of_actor
 
 _ZERO: Any = np.float32(0)
 _ONE: Any = np.float32(1)
@@ -98,6 +107,15 @@ def surface_material(frame, surfaces, hit, p, n, pixel):  # type: ignore[no-unty
             appearance.paint[owner, 2],
         )
         kind = 0
+        if appearance.paint[owner, 3] > _ONE:
+            drawn = int(appearance.paint[owner, 3]) - 2
+            cr, cg, cb = picture_colour(appearance.pictures, appearance.texels, drawn, p, n, pixel)
+    elif kind == PICTURE:
+        kind = 0
+        cr, cg, cb = picture_colour_of_actor(
+            frame.scene.rotation, frame.scene.position, appearance.pictures, appearance.texels,
+            (hit_actor, owner), p, n, pixel,
+        )  # fmt: skip
     rough, f0, emitted = materials.roughness[m], materials.specular[m], _ZERO
     half = surfaces.quad_half[number]
     if kind == WINDOW and hit_actor < 0 and half:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import astuple
+from dataclasses import astuple, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -22,7 +22,7 @@ from carstage_sim.content.walking import PHASES, WALK_PHASES
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.town import Town
-from carstage_sim.mesh import TriangleMesh, merge_meshes
+from carstage_sim.mesh import Material, TriangleMesh, merge_meshes
 from carstage_sim.render.scene import PASSING, QUICK, Placement
 from carstage_sim.sensors.mesh_store import MeshStore
 from carstage_sim.world.blueprints import Blueprint, catalogue
@@ -118,6 +118,8 @@ class ActorModels:
         self._raining = state.weather.precipitation > _RAIN_PERCENT
         found: list[Placement] = []
         lights = 0
+        changes = state.town_changes
+        pictures = {} if changes is None else changes.prop_pictures
         for row, kind in enumerate(state.kind.tolist()):
             if kind == ActorKind.VEHICLE:
                 doors = 0 if state.doors is None else int(state.doors[row])
@@ -131,6 +133,8 @@ class ActorModels:
                 lights += 1
             elif has_shape(state.type_id[row]):
                 key = state.type_id[row]
+                picture = pictures.get(int(state.actor_id[row]))
+                key = key if picture is None else f"{key}{PASSING}{picture}"
             else:
                 continue
             found.append(
@@ -194,7 +198,9 @@ class ActorModels:
 
     def _built_in(self, key: str) -> TriangleMesh:
         if PASSING in key:
-            name = key.partition(PASSING)[0]
+            name, _, picture = key.partition(PASSING)
+            if has_shape(name):
+                return _with_picture(prop_mesh(name, self._catalogue[name].box_extent), picture)
             return pedestrian_mesh(name, self._catalogue[name].box_extent, self._posed[key])
         if QUICK in key:
             return self._walking_mesh(key)
@@ -217,6 +223,15 @@ class ActorModels:
             meshes = walking_meshes(name, extent, phases, umbrella=opens)
             self._walking = dict(zip(keys, meshes, strict=True))
         return self._walking.pop(key)
+
+
+def _with_picture(mesh: TriangleMesh, row: str) -> TriangleMesh:
+    """A prop all over in a picture; the number of its surfaces' object is the picture's row."""
+    return replace(
+        mesh,
+        material=np.full_like(mesh.material, int(Material.PICTURE)),
+        object_id=np.full_like(mesh.object_id, int(row)),
+    )
 
 
 def _chassis(blueprint: Blueprint) -> tuple[tuple[float, float], float] | None:

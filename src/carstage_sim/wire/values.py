@@ -11,6 +11,7 @@ from dataclasses import fields
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps import BakeOptions
@@ -180,8 +181,8 @@ def colour(value: Sequence[int]) -> tuple[int, int, int]:
     return red, green, blue
 
 
-def mean_colour(texture: Sequence[Any], *, full: float) -> tuple[float, float, float]:
-    """Mean linear colour of a ``Texture``.
+def texels(texture: Sequence[Any], *, full: float) -> NDArray[np.float32]:
+    """``(H, W, 3)`` float32 linear colours of a ``Texture``.
 
     Args:
         texture: width, height, pixels of red, green, blue, alpha.
@@ -191,14 +192,13 @@ def mean_colour(texture: Sequence[Any], *, full: float) -> tuple[float, float, f
         CallError: not as many pixels as the size says, or none, or not numbers.
     """
     width, height, pixels = texture
-    if not pixels or len(pixels) != width * height:
+    if not pixels or min(width, height) < 1 or len(pixels) != width * height:
         raise CallError(f"a texture of {width} x {height} has not {len(pixels)} pixels")
     values = np.array(pixels, np.float64)[:, :3] / full
     if not np.isfinite(values).all():
         raise CallError("a texture must consist of finite numbers")
     linear = values if full == 1.0 else np.clip(values, 0.0, 1.0) ** 2.2
-    red, green, blue = np.clip(linear.mean(axis=0), 0.0, 1e3).tolist()
-    return red, green, blue
+    return np.clip(linear, 0.0, 1e3).astype(np.float32).reshape(height, width, 3)
 
 
 def ackermann_control(value: Sequence[float]) -> AckermannControl:

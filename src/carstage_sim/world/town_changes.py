@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage_sim.world.pictures import PlacedPicture
 from carstage_sim.world.street_lights import StreetLights
 from carstage_sim.world.town_objects import Colour, TownObjects
 
@@ -20,12 +21,18 @@ class TownChanges:
         hidden: ids of level objects that are not there.
         paint: surface colour (linear RGB) of objects, by id.
         glow: emitted light (linear RGB) of objects, by id.
+        placed_pictures: all pictures on objects and props.
+        picture_rows: which of them an object shows, by its id.
+        prop_pictures: which of them a prop shows, by its actor id.
         lamp_power: ``(L, 3)`` float32 light of each street lamp, linear RGB.
     """
 
     hidden: frozenset[int] = frozenset()
     paint: Mapping[int, Colour] = field(default_factory=dict)
     glow: Mapping[int, Colour] = field(default_factory=dict)
+    placed_pictures: tuple[PlacedPicture, ...] = ()
+    picture_rows: Mapping[int, int] = field(default_factory=dict)
+    prop_pictures: Mapping[int, int] = field(default_factory=dict)
     lamp_power: NDArray[np.float32] = field(default_factory=lambda: np.empty((0, 3), np.float32))
 
 
@@ -43,10 +50,14 @@ class TownChangeTracker:
         version = (self._objects.version, self._lights.version)
         if version != self._version:
             self._version = version
+            on_objects, on_props = self._objects.pictures, self._objects.prop_pictures
             self._current = TownChanges(
                 self._objects.hidden(),
                 dict(self._objects.paint),
                 dict(self._objects.glow),
+                (*on_objects.values(), *on_props.values()),
+                {object_id: row for row, object_id in enumerate(on_objects)},
+                {actor_id: row for row, actor_id in enumerate(on_props, len(on_objects))},
                 self._lights.power(),
             )
         return self._current

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from carstage_sim.maps.town import LevelObject
+from carstage_sim.world.pictures import PlacedPicture
 
 Colour = tuple[float, float, float]
 """Linear red, green, blue; 1 is white."""
 
 _ALL_LAYERS = 0xFFFF
+MOST_TEXELS = 8_000_000
+"""Pixels of all pictures together; with their halves, single precision can count them."""
 
 
 class TownObjects:
@@ -19,12 +22,16 @@ class TownObjects:
         version: counts up whenever an object changes.
         paint: surface colour that replaces an object's own, by object id.
         glow: light that an object emits, by object id.
+        pictures: pictures that replace an object's own surface colour, by object id.
+        prop_pictures: pictures on props, by actor id.
     """
 
     def __init__(self, objects: Sequence[LevelObject]) -> None:
         self.version = 0
         self.paint: dict[int, Colour] = {}
         self.glow: dict[int, Colour] = {}
+        self.pictures: dict[int, PlacedPicture] = {}
+        self.prop_pictures: dict[int, PlacedPicture] = {}
         self._objects = objects
         self._disabled: set[int] = set()
         self._layers = _ALL_LAYERS
@@ -56,7 +63,26 @@ class TownObjects:
 
     def apply_paint(self, object_ids: Iterable[int], colour: Colour) -> None:
         """Give objects another surface colour."""
-        self.paint.update(dict.fromkeys(object_ids, colour))
+        chosen = dict.fromkeys(object_ids, colour)
+        self.paint.update(chosen)
+        for object_id in chosen:
+            self.pictures.pop(object_id, None)
+        self.version += 1
+
+    def apply_pictures(
+        self, objects: Mapping[int, PlacedPicture], props: Mapping[int, PlacedPicture]
+    ) -> None:
+        """Put pictures on objects, by object id, and on props, by actor id.
+
+        Raises:
+            ValueError: all pictures together would be too large.
+        """
+        pictures, prop_pictures = {**self.pictures, **objects}, {**self.prop_pictures, **props}
+        placed = (*pictures.values(), *prop_pictures.values())
+        if sum(one.texels.size // 3 for one in placed) > MOST_TEXELS:
+            raise ValueError(f"pictures on objects have more than {MOST_TEXELS} pixels together")
+        self.pictures, self.prop_pictures = pictures, prop_pictures
+        self.paint.update(dict.fromkeys(objects, (0.0, 0.0, 0.0)))
         self.version += 1
 
     def apply_glow(self, object_ids: Iterable[int], colour: Colour) -> None:

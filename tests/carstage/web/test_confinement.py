@@ -90,6 +90,10 @@ def test_files_of_scenarios_outside_the_roots_are_not_read(
     [
         ({"map": "/etc/My.xodr"}, ["map", "choice"]),
         ({"server": {"kind": "embedded", "maps": ["../towns"]}}, ["server", "maps", 0]),
+        (
+            {"patches": [{"target": "billboard", "file": "../../secret.png"}]},
+            ["patches", 0, "file"],
+        ),
     ],
 )
 def test_maps_outside_the_roots_are_not_looked_at(

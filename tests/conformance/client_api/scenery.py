@@ -118,8 +118,8 @@ def _rays(scene: TrialScene) -> None:
 
 
 _UNIFORM = (
-    "An object takes the mean colour of the texture all over; normal and roughness textures are "
-    "accepted and change nothing."
+    "Objects and props show a picture on the faces of their boxes. Light has its mean colour; "
+    "roughness changes nothing."
 )
 
 

@@ -24,6 +24,7 @@ from carstage.collector.internals.writing import (
     writer_threads,
 )
 from carstage.collector.maps import geo_reference
+from carstage.collector.patches import patch_entries
 from carstage.collector.paths import prepare_folder
 from carstage.collector.processing import POLL_S, ByteBudget, Pipeline
 from carstage.collector.sensors import sensor_of
@@ -278,6 +279,7 @@ class EpisodeRecorder:
                 self._plan.server.gnss or gnss_convention(self._versions.server),
             ),
             **_rig_entries(scene.ego, scene.rig),
+            **patch_entries(scene.patches),
             **(
                 {"agents": {one.name: _rig_entries(one.actor, one.rig) for one in scene.agents}}
                 if scene.agents

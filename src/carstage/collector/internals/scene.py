@@ -10,6 +10,7 @@ from carstage.collector.drivers.driving import EgoDriving
 from carstage.collector.drones import DroneFlight
 from carstage.collector.internals.plan import ProgramPlan, ServerPlan
 from carstage.collector.internals.traffic_manager_wakeup import TickWatch, started_threads
+from carstage.collector.patches import PlacedPatch, place_patches
 from carstage.collector.scenario import Population, Scenario, make_scenario
 from carstage.collector.scenario.events import EventRunner, check_map
 from carstage.collector.sensors.rig import Rig
@@ -70,6 +71,7 @@ class Scene:
         population: who was spawned.
         step_s: simulated time of a step.
         event_runner: what happens to the ego beside the scenario.
+        patches: pictures on boards.
     """
 
     def __init__(
@@ -81,6 +83,7 @@ class Scene:
         population: Population,
         step_s: float,
         event_runner: EventRunner,
+        patches: Sequence[PlacedPatch] = (),
     ) -> None:
         self._session = session
         self._clock = clock
@@ -89,6 +92,7 @@ class Scene:
         self._event_runner = event_runner
         self._parties = tuple(parties)
         self.ego: Any = population.ego
+        self.patches = tuple(patches)
         self.requested: Dict[str, int] = population.requested
         self.spawned: Dict[str, int] = population.spawned
 
@@ -197,7 +201,8 @@ def build_scene(
             flight = DroneFlight(session, agent.drone, carrier, population.ego, spec.step_s)
             parties[number] = parties[number]._replace(flight=flight)
     event_runner = EventRunner(session, spec, population, server.traffic_manager_port)
-    return Scene(session, clock, scenario, parties, population, spec.step_s, event_runner)
+    patches = place_patches(session, spec, population)
+    return Scene(session, clock, scenario, parties, population, spec.step_s, event_runner, patches)
 
 
 def _party(

@@ -73,6 +73,8 @@ from carstage.validation.checks.ledger import (
 from carstage.validation.checks.level import check_level_boxes
 from carstage.validation.checks.motion import MotionFigures, check_motion, compare_motion
 from carstage.validation.checks.occupancy import OccupancyChecks
+from carstage.validation.checks.patch_pairs import PairFigures
+from carstage.validation.checks.patches import PatchChecks
 from carstage.validation.checks.pictures import PictureFigures, check_exposure, check_repeats
 from carstage.validation.checks.population import Population, check_episode_population
 from carstage.validation.checks.ranging import (
@@ -119,6 +121,7 @@ class Figures:
     pictures: dict[str, PictureFigures] = field(default_factory=lambda: defaultdict(PictureFigures))
     population: Population = field(default_factory=Population.empty)
     variants: VariantFigures = field(default_factory=VariantFigures)
+    patch_pairs: PairFigures = field(default_factory=PairFigures)
     not_decidable: list[str] = field(default_factory=list)
 
     def to_dict(self, episodes: int) -> dict[str, Any]:
@@ -147,6 +150,7 @@ class Figures:
             "pictures": {camera: p.to_dict() for camera, p in sorted(self.pictures.items())},
             "labels": self.population.to_dict(),
             "variants": self.variants.to_dict(),
+            "patch_pairs": self.patch_pairs.to_dict(),
             "not_decidable": self.not_decidable,
         }
 
@@ -226,6 +230,7 @@ class EpisodeChecks:
         birds_eye = BirdsEyeChecks(episode, tables, self._files, findings)
         occupancy = OccupancyChecks(episode, tables, self._files, findings)
         lane_lines = LaneLineChecks(episode, findings)
+        patches = PatchChecks(episode, findings)
         with_files = [
             [s for s in episode.sensors if s.content not in ROWS and k in available[s.id]]
             for k in range(episode.frames)
@@ -242,6 +247,7 @@ class EpisodeChecks:
                 birds_eye.check(k, recorded_now, data)
                 occupancy.check(k, recorded_now, data)
                 lane_lines.check(k, data)
+                patches.check(k, data)
                 self._figures.frames += 1
                 advance()
         self._conclude()

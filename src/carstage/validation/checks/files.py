@@ -33,6 +33,7 @@ TABLES = (
 EVENTS = "events.parquet"
 CONTROLS = "controls.parquet"
 LANE_LINES = "lane_lines.parquet"
+PATCHES = "patches.parquet"
 
 
 def tables_of(episode: Episode) -> tuple[str, ...]:
@@ -42,6 +43,7 @@ def tables_of(episode: Episode) -> tuple[str, ...]:
         EVENTS: bool(spec.scenario.planned_events()),
         CONTROLS: spec.ego.driver is not None,
         LANE_LINES: spec.labels.lane_lines,
+        PATCHES: bool(spec.patches),
     }
     return (*TABLES, *(table for table, is_there in optional.items() if is_there))
 

@@ -66,12 +66,13 @@ class ConfigChecker:
             BadInputError: the episode to replay cannot be read.
         """
         from carstage.config.dimensions import maps_of
+        from carstage.config.patches import with_whole_paths
         from carstage.plan import estimate_run, plan_episodes
         from carstage.runs.preflight import check_codecs, disk_need, fits, recording_of
 
         check_codecs(config)
         planned = min(config.episodes, max(1, _MOST_PLANNED // max(1, len(config.variants))))
-        few = config.model_copy(update={"episodes": planned})
+        few = with_whole_paths(config, self._roots.home).model_copy(update={"episodes": planned})
         recording = recording_of(config, self._roots.home)
         names = [*maps_of(config), *([] if recording is None else [recording.map])]
         episodes = plan_episodes(few, self._facts(config, names), recording)
@@ -139,6 +140,7 @@ class ConfigChecker:
                 self._roots.confine(str(source))
             except BadInputError as error:
                 raise error_of([(field, error.message, error.hint)]) from error
+        self._confine_patches(config)
         driver = config.ego.driver
         places: list[tuple[tuple[str, ...], str]] = []
         for where, one in config.located_drivers():
@@ -163,6 +165,24 @@ class ConfigChecker:
             try:
                 self._roots.confine(str(without_tilde(path)))
             except BadInputError as error:
+                raise error_of([(place, error.message, error.hint)]) from error
+
+    def _confine_patches(self, config: Config) -> None:
+        """Refuse pictures of patches from outside the roots.
+
+        Raises:
+            ConfigError: a picture lies elsewhere.
+        """
+        from carstage.config.explain import error_of
+        from carstage.config.patches import patch_file
+
+        for position, patch in enumerate(config.patches):
+            if patch.file is None:
+                continue
+            try:
+                self._roots.confine(str(patch_file(patch.file, self._roots.home)))
+            except BadInputError as error:
+                place = ("patches", position, "file")
                 raise error_of([(place, error.message, error.hint)]) from error
 
 

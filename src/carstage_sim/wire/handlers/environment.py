@@ -5,12 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage_sim.geometry import rotation_matrix
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.town import LevelObject, OrientedBox
 from carstage_sim.wire import values
 from carstage_sim.wire.errors import CallError
 from carstage_sim.wire.handlers.registry import Call, handles, handles_void
 from carstage_sim.wire.scenery import light_heads, light_masts, sign_faces
+from carstage_sim.world.blueprints.props import has_shape
+from carstage_sim.world.pictures import PlacedPicture, reduced
 from carstage_sim.world.pose import Pose, Vector3, compose
 from carstage_sim.world.signals.traffic_light_actors import head_boxes
 from carstage_sim.world.state import ActorKind
@@ -42,7 +48,7 @@ def _level_objects(call: Call, label: int) -> list[LevelObject]:
 
 @handles("get_names_of_all_objects")
 def _get_names_of_all_objects(call: Call) -> list[str]:
-    return [piece.name for piece in call.world.town.level_objects]
+    return [*(piece.name for piece in call.world.town.level_objects), *_props(call)]
 
 
 @handles("get_all_level_BBs")
@@ -119,28 +125,66 @@ def _cast_ray(call: Call, start: list[float], end: list[float]) -> Any:
 
 @handles_void("apply_color_texture_to_objects")
 def _apply_color_texture(call: Call, names: list[str], parameter: int, texture: list[Any]) -> None:
-    _paint(call, names, parameter, values.mean_colour(texture, full=255.0))
+    _apply(call, names, parameter, values.texels(texture, full=255.0))
 
 
 @handles_void("apply_float_color_texture_to_objects")
 def _apply_float_color_texture(
     call: Call, names: list[str], parameter: int, texture: list[Any]
 ) -> None:
-    _paint(call, names, parameter, values.mean_colour(texture, full=1.0))
+    _apply(call, names, parameter, values.texels(texture, full=1.0))
 
 
-def _paint(
-    call: Call, names: list[str], parameter: int, colour: tuple[float, float, float]
-) -> None:
-    """Surfaces here have no texture coordinates: an object takes the mean colour of a texture."""
-    objects = call.world.objects
+def _apply(call: Call, names: list[str], parameter: int, texels: NDArray[np.float32]) -> None:
+    """Put a texture on objects and props; of one colour, or of light, its mean is on all of it."""
+    objects, props = call.world.objects, _props(call)
     found = objects.named(names)
-    if not found:
+    chosen = [props[name] for name in names if name in props]
+    if not found and not chosen:
         raise CallError("unable to find Actor to apply the texture")
-    if parameter == _DIFFUSE:
-        objects.apply_paint(found, colour)
-    elif parameter == _EMISSIVE:
-        objects.apply_glow(found, colour)
+    red, green, blue = texels.mean(axis=(0, 1), dtype=np.float64).tolist()
+    if parameter == _EMISSIVE:
+        objects.apply_glow(found, (red, green, blue))
+    elif parameter == _DIFFUSE:
+        plain = bool((texels == texels[0, 0]).all())
+        picture = reduced(texels)
+        on_objects = {} if plain else _on_objects(call, found, picture)
+        if plain:
+            objects.apply_paint(found, (red, green, blue))
+        try:
+            objects.apply_pictures(on_objects, _on_props(call, chosen, picture))
+        except ValueError as error:
+            raise CallError(str(error)) from None
+
+
+def _props(call: Call) -> dict[str, int]:
+    """Ids of the props that are there, by the names that they have among a level's objects."""
+    others = call.world.actors.of_kind(ActorKind.OTHER)
+    shown = [actor for actor in others if has_shape(actor.type_id)]
+    return {f"{actor.type_id}_{actor.actor_id}": actor.actor_id for actor in shown}
+
+
+def _on_objects(
+    call: Call, object_ids: list[int], picture: NDArray[np.float32]
+) -> dict[int, PlacedPicture]:
+    """A picture on the boxes of level objects, of signs on those of their faces."""
+    boxes = {piece.object_id: piece.box for piece in _level_objects(call, _ANY_LABEL)}
+    return {
+        object_id: PlacedPicture(picture, box.center, rotation_matrix(box.rotation_deg), box.extent)
+        for object_id, box in boxes.items()
+        if object_id in object_ids
+    }
+
+
+def _on_props(
+    call: Call, actor_ids: list[int], picture: NDArray[np.float32]
+) -> dict[int, PlacedPicture]:
+    found = {}
+    for actor_id in actor_ids:
+        actor = call.world.actors.get(actor_id)
+        assert actor is not None  # its name was found among those that are there
+        found[actor_id] = PlacedPicture(picture, actor.box_center, np.eye(3), actor.box_extent)
+    return found
 
 
 @handles("get_imui_gravity")

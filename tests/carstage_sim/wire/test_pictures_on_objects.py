@@ -26,7 +26,9 @@ class Scene:
         settings = world.get_settings()
         settings.synchronous_mode, settings.fixed_delta_seconds = True, 0.1
         world.apply_settings(settings)
-        world.set_weather(carla.WeatherParameters.CloudyNoon)
+        weather = carla.WeatherParameters.CloudyNoon
+        weather.wind_intensity = 0.0  # else leaves differ from tick to tick
+        world.set_weather(weather)
         self.start = world.get_map().get_spawn_points()[0]
         blueprint = world.get_blueprint_library().find("sensor.camera.rgb")
         blueprint.set_attribute("image_size_x", str(WIDTH))

@@ -2,8 +2,9 @@
 
 from carstage.birds_eye import BirdsEye
 from carstage.dataset.calibration import Calibration, SensorCalibration
+from carstage.dataset.collection import Dataset
 from carstage.dataset.masks import decode_mask
-from carstage.dataset.reading import Dataset, Episode, Sensor
+from carstage.dataset.reading import Episode, Sensor
 from carstage.dataset.samples import FrameSamples
 from carstage.dataset.saved_frames import EpisodeFrames, Frame
 from carstage.dataset.splits import SplitRule, StoredSplits

@@ -9,8 +9,8 @@ from typing import Any
 
 from carstage.config import Config
 from carstage.config.dimensions import Dimension, Path, crossed
+from carstage.dataset.collection import Dataset
 from carstage.dataset.quotas import QuotaCounts
-from carstage.dataset.reading import Dataset
 from carstage.plan import PlanMatcher
 
 _BINS = 10

@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
+from carstage.dataset.collection import Dataset
 from carstage.dataset.ledger import recorded_frames
-from carstage.dataset.reading import Dataset
 from carstage.dataset.saved_frames import EpisodeFrames, Frame
 from carstage.dataset.splits import Split
 from carstage.errors import BadInputError

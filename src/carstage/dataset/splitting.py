@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 
-from carstage.dataset.reading import Dataset, Episode
+from carstage.dataset.collection import Dataset
+from carstage.dataset.reading import Episode
 from carstage.dataset.splits import SPLITS_FILE, Criterion, SplitRule, StoredSplits
 from carstage.errors import BadInputError
 from carstage.files.whole import write_whole

@@ -8,7 +8,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from carstage.dataset.reading import Dataset, Episode
+from carstage.dataset.collection import Dataset
+from carstage.dataset.reading import Episode
 from carstage.dataset.tracks import may_come_back
 from carstage.errors import ConfigError, DatasetError
 from carstage.files.home import without_tilde

@@ -7,7 +7,7 @@ from html import escape
 from pathlib import Path
 
 from carstage import __version__
-from carstage.dataset.reading import Dataset
+from carstage.dataset.collection import Dataset
 from carstage.files.whole import write_whole
 from carstage.report import html
 from carstage.storage import DatasetPath

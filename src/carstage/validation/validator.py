@@ -7,7 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from carstage.dataset.reading import Dataset, Episode
+from carstage.dataset.collection import Dataset
+from carstage.dataset.reading import Episode
 from carstage.dataset.variants import EpisodeVariants, variants_of
 from carstage.errors import CarStageError
 from carstage.storage.remote_path import DatasetPath

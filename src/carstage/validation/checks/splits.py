@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from carstage.dataset.reading import Dataset
+from carstage.dataset.collection import Dataset
 from carstage.errors import DatasetError
 from carstage.validation.checks.findings import Findings
 

@@ -28,7 +28,7 @@ from carstage.files.bounded import read_bounded
 from carstage.geometry import GeoFrame, pose_matrix
 from carstage.lazy import keep_pandas_lazy
 from carstage.occupancy import Occupancy
-from carstage.spec import EpisodeSpec, SpecError
+from carstage.spec import EpisodeSpec, SpecError, is_agent_name
 from carstage.storage.address import dataset_root
 from carstage.storage.description import read_description
 from carstage.storage.marker import CommitMarker, FileEntry
@@ -459,8 +459,12 @@ class Episode:
     def tables(self) -> EpisodeTables:
         """Where its tables are, for queries in SQL."""
         # Of the marker, so that no document is read.
-        agents = {file.path.split("/")[1]: None for file in self.marker.files
-                  if file.path.startswith(f"{AGENTS}/")}  # fmt: skip
+        parts = [file.path.split("/") for file in self.marker.files]
+        agents = {
+            below[0]: None
+            for first, *below in parts
+            if first == AGENTS and len(below) > 1 and is_agent_name(below[0])
+        }
         return EpisodeTables(self.folder, self.marker.versions.get("carstage"), tuple(agents))
 
     def iter_frames(self) -> Iterator[Frame]:

@@ -10,11 +10,12 @@ import pyarrow as pa
 
 from carstage.dataset.tables import row_sensor
 from carstage.errors import DatasetError
-from carstage.sensor_kinds.model import MESSAGES
 
 if TYPE_CHECKING:
     from carstage.dataset.reading import Sensor
 
+V2X = "v2x"
+"""The kind of sensor whose messages have these columns; those of other packages have their own."""
 _WHOLE = {"station_id": pa.int64(), "station_type": pa.int32(), "drive_direction": pa.int32()}
 """Columns of whole numbers; the others are float64."""
 
@@ -33,7 +34,7 @@ def message_table(sensors: Iterable[Sensor]) -> pa.Table | None:
     Raises:
         DatasetError: a table is missing or damaged.
     """
-    radios = [sensor for sensor in sensors if sensor.content == MESSAGES]
+    radios = [sensor for sensor in sensors if sensor.kind == V2X]
     if not radios:
         return None
     return pa.concat_tables(_rows(sensor) for sensor in radios)

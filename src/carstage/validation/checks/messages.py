@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from carstage.dataset.messages import V2X
 from carstage.dataset.reading import Episode, Sensor
 from carstage.dataset.tables import require_columns, row_sensor
 from carstage.errors import CarStageError
 from carstage.geometry import compass_rad
-from carstage.sensor_kinds.model import MESSAGES
 from carstage.validation.checks.findings import Findings
 
 _PLACE_M, _HEADING_DEG, _SPEED_M_S = 0.2, 0.2, 0.02
@@ -48,7 +48,7 @@ def check_messages(episode: Episode, findings: Findings) -> None:
 
 
 def _check_view(view: Episode, noise: Mapping[str, float], findings: Findings) -> None:
-    radios = [sensor for sensor in view.sensors if sensor.content == MESSAGES]
+    radios = [sensor for sensor in view.sensors if sensor.kind == V2X]
     if not radios:
         return
     carriers = view.carriers()
@@ -82,7 +82,7 @@ def _noise(views: Sequence[Episode]) -> dict[str, float]:
         sensor.calibration.attributes
         for view in views
         for sensor in view.sensors
-        if sensor.content == MESSAGES
+        if sensor.kind == V2X
     ]
     return {
         name: _SIGMAS * max((float(one.get(f"noise_{name}", 0.0)) for one in of_all), default=0.0)

@@ -18,12 +18,12 @@ assert KIND is not None
 NAMES = [name for name, _ in KIND.columns]
 
 
-def radio(*, drop: str | None = None, **columns: list[float]) -> Any:
+def radio(*, drop: str | None = None, kind: str = "v2x", **columns: list[float]) -> Any:
     """A V2X sensor whose only frame has one message of ones, but for some columns."""
     row = {"k": 4, "timestamp_s": 0.4, **{name: [1.0] for name in NAMES}, **columns}
     table = pa.Table.from_pylist([row], schema=KIND.schema)
     table = table if drop is None else table.drop_columns([drop])
-    return SimpleNamespace(id="V2X", kind="v2x", content=MESSAGES, table=table)
+    return SimpleNamespace(id="V2X", kind=kind, content=MESSAGES, table=table)
 
 
 def test_a_message_is_a_row_with_null_for_what_it_does_not_say() -> None:
@@ -37,6 +37,7 @@ def test_a_message_is_a_row_with_null_for_what_it_does_not_say() -> None:
 
 def test_without_a_v2x_sensor_there_is_no_table() -> None:
     assert message_table([]) is None
+    assert message_table([radio(kind="lora")]) is None, "a kind of another package"
 
 
 @pytest.mark.parametrize(

@@ -56,7 +56,8 @@ class ServerEndedError(ServerError):
     """A server ended while it started.
 
     Args:
-        message, hint: as of every error.
+        message: as of every error.
+        hint: as of every error.
         status: of its process, negative for the signal that ended it.
     """
 

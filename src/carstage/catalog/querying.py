@@ -36,7 +36,7 @@ def query_labels(
 
     Args:
         dataset: its episodes' tables are read.
-        query: see ``carstage.dataset.querying.TABLES`` for the names of tables.
+        query: see :func:`carstage.dataset.querying.query_episodes` for the names of tables.
         catalog: finds the episodes that ``wanted`` lets pass; files of others are not opened.
             None: all episodes that have markers.
         wanted: which episodes.

@@ -433,9 +433,8 @@ class Pipeline:
             self._writers.write(
                 Write(sensor, KIND_DATA, *at, _content(encode, datum.data), datum.size_bytes)
             )
-        for sensor in self._sparse:
-            if expected.k is not None and expected.seen and sensor not in frame.data:
-                self._writers.write(Write(sensor, KIND_DATA, *at, _nothing, 0))
+        for sensor in frame.empty if expected.k is not None else ():
+            self._writers.write(Write(sensor, KIND_DATA, *at, _nothing, 0))
         if self._ends_segment(expected.tick):
             self._writers.seal([*self._sensors, WORLD], expected.tick)
         self._written_ticks += 1

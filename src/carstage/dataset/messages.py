@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
-from carstage.sensor_kinds import sensor_kind
-from carstage.sensor_kinds.model import MESSAGES
+from carstage.dataset.tables import row_sensor
+from carstage.errors import DatasetError
 
 if TYPE_CHECKING:
     from carstage.dataset.reading import Sensor
 
+V2X = "v2x"
+"""The kind of sensor whose messages have these columns; those of other packages have their own."""
 _WHOLE = {"station_id": pa.int64(), "station_type": pa.int32(), "drive_direction": pa.int32()}
 """Columns of whole numbers; the others are float64."""
 
@@ -31,34 +34,44 @@ def message_table(sensors: Iterable[Sensor]) -> pa.Table | None:
     Raises:
         DatasetError: a table is missing or damaged.
     """
-    radios = [sensor for sensor in sensors if sensor.content == MESSAGES]
+    radios = [sensor for sensor in sensors if sensor.kind == V2X]
     if not radios:
         return None
     return pa.concat_tables(_rows(sensor) for sensor in radios)
 
 
 def _rows(sensor: Sensor) -> pa.Table:
-    names = [column.name for column in sensor_kind(sensor.kind).columns]
+    file = f"sensors/{sensor.id}.parquet"
+    row_kind = row_sensor(sensor.kind)
+    if row_kind is None or not sensor.table.schema.equals(row_kind.schema):
+        raise DatasetError(f"{file} has other columns than those of a V2X sensor.")
+    names = [name for name, _ in row_kind.columns]
     found: dict[str, list[Any]] = {name: [] for name in ("k", "timestamp_s", *names)}
     for row in sensor.table.to_pylist():
         count = len(row[names[0]])
+        if any(len(row[name]) != count for name in names):
+            raise DatasetError(f"{file}: columns of frame {row['k']} differ in their length.")
         found["k"] += [row["k"]] * count
         found["timestamp_s"] += [row["timestamp_s"]] * count
         for name in names:
-            found[name] += [None if value != value else value for value in row[name]]
+            found[name] += [value if math.isfinite(value) else None for value in row[name]]
     columns = {
         "k": pa.array(found["k"], pa.int32()),
         "timestamp_s": pa.array(found["timestamp_s"], pa.float64()),
         "sensor_id": pa.array([sensor.id] * len(found["k"]), pa.string()),
-        "track_id": _whole(found["station_id"], pa.int64()),
+        "track_id": _whole(found["station_id"], pa.int64(), file),
     }
     for name in names:
         kind = _WHOLE.get(name)
         columns[name] = (
-            pa.array(found[name], pa.float64()) if kind is None else _whole(found[name], kind)
+            pa.array(found[name], pa.float64()) if kind is None else _whole(found[name], kind, file)
         )
     return pa.table(columns)
 
 
-def _whole(values: list[Any], kind: pa.DataType) -> pa.Array[Any]:
-    return pa.array([None if value is None else round(value) for value in values], kind)
+def _whole(values: list[Any], kind: pa.DataType, file: str) -> pa.Array[Any]:
+    whole = [None if value is None else round(value) for value in values]
+    try:
+        return pa.array(whole, kind)
+    except (OverflowError, pa.ArrowInvalid) as error:
+        raise DatasetError(f"{file} is damaged: {error}") from error

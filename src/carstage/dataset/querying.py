@@ -97,9 +97,9 @@ def query_episodes(
     """The answer to a query over the tables of episodes.
 
     Each table has the rows of all episodes, and the column ``episode_id``. The tables of agents,
-    such as ``agent_objects``, have the column ``agent``, too. DuckDB reads of the
-    files what the query needs: tables and columns that it names, files of the episodes that a
-    condition on ``episode_id`` leaves, and of those the row groups that its other conditions leave.
+    such as ``agent_objects``, have the column ``agent``, too. DuckDB reads of the files what the
+    query needs: tables and columns that it names, files of the episodes that a condition on
+    ``episode_id`` leaves, and of those the row groups that its other conditions leave.
 
     Args:
         episodes: committed ones, one at least.

@@ -25,7 +25,7 @@ from carstage.errors import BadInputError, DatasetError
 from carstage.files.bounded import read_bounded
 from carstage.geometry import GeoFrame, pose_matrix
 from carstage.occupancy import Occupancy
-from carstage.spec import EpisodeSpec, SpecError
+from carstage.spec import EpisodeSpec, SpecError, is_agent_name
 from carstage.storage.marker import CommitMarker, FileEntry
 from carstage.storage.names import AGENTS, agent_folder
 from carstage.storage.remote_path import DatasetPath
@@ -453,8 +453,12 @@ class Episode:
     def tables(self) -> EpisodeTables:
         """Where its tables are, for queries in SQL."""
         # Of the marker, so that no document is read.
-        agents = {file.path.split("/")[1]: None for file in self.marker.files
-                  if file.path.startswith(f"{AGENTS}/")}  # fmt: skip
+        parts = [file.path.split("/") for file in self.marker.files]
+        agents = {
+            below[0]: None
+            for first, *below in parts
+            if first == AGENTS and len(below) > 1 and is_agent_name(below[0])
+        }
         return EpisodeTables(self.folder, self.marker.versions.get("carstage"), tuple(agents))
 
     def iter_frames(self) -> Iterator[Frame]:

@@ -23,7 +23,8 @@ def quantity(
 
     Args:
         default: its value where none is given.
-        low, high: its limits; both may be given.
+        low: the lowest; both limits may be given.
+        high: the highest.
         unit: of the number, such as ``m/s``; for kinds of other packages, as is ``sentence``.
         sentence: what it means; the configuration's form shows it.
     """

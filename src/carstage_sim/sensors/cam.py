@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.geometry import rotation_matrix
-from carstage_sim.sensors.attributes import number, require, whole
+from carstage_sim.sensors.attributes import number, whole, within
 from carstage_sim.sensors.navigation import GRAVITY_M_S2, compass_rad
 from carstage_sim.sensors.projection import GeoProjection, geodetic
 from carstage_sim.world.columns import Rotation
@@ -109,6 +109,8 @@ _FASTEST_CM_S = 16_382
 _LIGHTS = {2: 0, 4: 1, 32: 2, 16: 3, 64: 5, 128: 6, 1: 7}
 
 _NOISES = ("lat", "lon", "alt", "head")
+_MOST_NOISE = 1e6
+"""In the attribute's unit: what is off by more has no place in the whole numbers of a message."""
 
 
 class CamNoise:
@@ -129,24 +131,26 @@ class CamNoise:
             *(f"noise_accel_stddev_{axis}" for axis in "xyz"),
             "noise_yawrate_stddev",
         )
-        self._stddev = np.array([number(attributes, name, 0.0) for name in names])
+        self._stddev = np.array([_noise(attributes, name, 0.0) for name in names])
         biases = (
-            *(number(attributes, f"noise_{name}_bias", 0.0) for name in _NOISES),
+            *(_noise(attributes, f"noise_{name}_bias", -_MOST_NOISE) for name in _NOISES),
             0.0,
             *(0.0 for _ in "xyz"),
-            number(attributes, "noise_yawrate_bias", 0.0),
+            _noise(attributes, "noise_yawrate_bias", -_MOST_NOISE),
         )
         self._bias = np.array(biases)
-        require(
-            bool((self._stddev >= 0).all()),
-            "standard deviations of a V2X sensor must not be negative",
-        )
 
     def draw(self, sensor_id: int, frame: int) -> NDArray[np.float64]:
         """``(9,)``: latitude, longitude, altitude, heading, speed, acceleration (3), yaw rate."""
         random = np.random.default_rng([self.seed & 0xFFFFFFFF or sensor_id, frame])
         drawn: NDArray[np.float64] = self._bias + random.normal(0.0, 1.0, 9) * self._stddev
         return drawn
+
+
+def _noise(attributes: Mapping[str, str], name: str, lowest: float) -> float:
+    value = number(attributes, name, 0.0)
+    within(name, value, lowest, _MOST_NOISE)
+    return value
 
 
 def text_message(sent: Transmission, power_dbm: float) -> NDArray[np.void]:

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
-from carstage_sim.sensors.attributes import flag, number, require
+from carstage_sim.sensors.attributes import flag, number, require, within
 
 _LIGHT_M_S = 299_792_458.0
 _GROUND_PERMITTIVITY = 1.02
@@ -32,6 +32,18 @@ _FADING_DB: Mapping[PathState, Mapping[str, float]] = {
     PathState.BUILDINGS: {"highway": 6.8, "urban": 6.8, "rural": 6.8},
 }
 """Standard deviations of shadow fading: ETSI TR 103 257-1, table 6; rural ones are CARLA's."""
+
+_BOUNDS: Mapping[str, tuple[float, float]] = {
+    "transmit_power": (-1000.0, 1000.0),
+    "receiver_sensitivity": (-1000.0, 1000.0),
+    "frequency_ghz": (0.001, 1000.0),
+    "combined_antenna_gain": (-1000.0, 1000.0),
+    "path_loss_exponent": (0.0, 100.0),
+    "d_ref": (0.001, 1e6),
+    "filter_distance": (0.0, 1e6),
+    "custom_fading_stddev": (0.0, 1000.0),
+}
+"""Beyond all radios, and far from where the formulas overflow or divide by nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,9 +95,8 @@ class RadioSettings:
             use_etsi_fading=flag(attributes, "use_etsi_fading", default=True),
             custom_fading_stddev=number(attributes, "custom_fading_stddev", 0.0),
         )
-        require(settings.frequency_ghz > 0, "frequency_ghz must be above 0")
-        require(settings.d_ref > 0, "d_ref must be above 0")
-        require(settings.custom_fading_stddev >= 0, "custom_fading_stddev must not be negative")
+        for name, (lowest, highest) in _BOUNDS.items():
+            within(name, getattr(settings, name), lowest, highest)
         require(
             settings.scenario in ("highway", "rural", "urban"),
             f"scenario is {settings.scenario!r}, not highway, rural or urban",

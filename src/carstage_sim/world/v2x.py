@@ -136,6 +136,7 @@ class V2xStations:
             if actor.type_id in (CAM_SENSOR, CUSTOM_SENSOR)
         ]
         if not sensors and not self.transmissions:
+            self._texts.clear()
             return
         sent: dict[tuple[str, int], Transmission] = {}
         clocks: dict[int, CamClock] = {}

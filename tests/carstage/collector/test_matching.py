@@ -339,6 +339,18 @@ def test_a_sparse_sensor_without_data_is_ok_once_the_next_frame_is_whole() -> No
     assert frames.misses == {"a": 0, "s": 0}
 
 
+def test_what_a_sparse_sensor_lost_is_missing_and_not_empty() -> None:
+    frames = sparse_matcher()
+    for number in range(2):
+        frames.expect(tick(number), 0.0)
+        frames.offer("a", 100 + number, number, 0.0)
+    frames.offer("s", 100, LostData("too much"), 0.0)
+    frames.advance(0.0)
+    frames.advance(SPARSE_PATIENCE_S)
+    assert [joined.empty for joined in frames.take_joined()] == [(), ("s",)]
+    assert [states(row)["s"] for row in frames.take_rows()] == ["missing", "ok"]
+
+
 def test_the_last_frame_is_closed_after_a_short_while() -> None:
     frames = sparse_matcher()
     frames.expect(tick(0), 0.0)

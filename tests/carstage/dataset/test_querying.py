@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import obstore
@@ -191,6 +192,15 @@ def test_tables_seen_as_an_agent_have_the_episode_s_id(dataset: Path, tmp_path: 
     seen = EpisodeTables(episode.folder / "agents" / "car2", episode.version)
     found = query_episodes([seen], "SELECT DISTINCT episode_id FROM frames").table
     assert found.to_pylist() == [{"episode_id": "e1"}]
+
+
+def test_only_folders_with_an_agent_s_name_are_agents(dataset: Path) -> None:
+    episode = Dataset(dataset).episodes[0]
+    one = episode.marker.files[0]
+    paths = ("agents/car2/ego.parquet", "agents/../ego.parquet", "agents/note.txt", "agents")
+    files = tuple(replace(one, path=path) for path in paths)
+    episode.marker = replace(episode.marker, files=(*episode.marker.files, *files))
+    assert episode.tables.agents == ("car2",)
 
 
 def test_tables_of_agents_that_there_are_not_are_refused(dataset: Path) -> None:

@@ -137,6 +137,11 @@ def test_the_report_says_who_was_heard(episode: Episode) -> None:
     assert "<h3>V2X messages</h3>" in section
     assert "roadside unit" in section
     assert section.count("<td>mast</td>") == 2
+    for name, track in (
+        ("ego", episode.document["ego_id"]),
+        ("car2", episode.agent("car2").document["ego_id"]),
+    ):
+        assert section.count(f"<td>{name} (track {track})</td>") == 2
 
 
 def test_each_message_becomes_one_of_mcap(dataset: Path, tmp_path: Path) -> None:

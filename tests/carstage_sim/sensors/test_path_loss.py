@@ -89,8 +89,20 @@ def test_fading_is_the_standards_or_ones_own() -> None:
 @pytest.mark.parametrize(
     ("name", "value"),
     [("frequency_ghz", 0), ("d_ref", -1), ("scenario", "moon"), ("path_loss_model", "none"),
-     ("custom_fading_stddev", -1), ("transmit_power", "much")],
+     ("custom_fading_stddev", -1), ("transmit_power", "much"), ("transmit_power", 1e300),
+     ("frequency_ghz", 1e300), ("frequency_ghz", 1e-320), ("path_loss_exponent", 1e300),
+     ("filter_distance", 1e30)],
 )  # fmt: skip
 def test_impossible_values_are_refused(name, value) -> None:
     with pytest.raises(SensorAttributeError, match=name):
         radio(**{name: value})
+
+
+@pytest.mark.parametrize("model", ["winner", "geometric"])
+@pytest.mark.parametrize("state", PathState)
+def test_losses_are_numbers_at_the_bounds_of_what_is_accepted(model, state) -> None:
+    for frequency_ghz in (0.001, 1000.0):
+        for metres in (0.01, 1e6):
+            way = RadioPath(metres, 0.02, 0.02, state)
+            settings = radio(path_loss_model=model, frequency_ghz=frequency_ghz)
+            assert math.isfinite(path_loss_db(way, settings))

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from carstage_sim.sensors import WorldSensors
-from carstage_sim.sensors.cam import CAM_DATA, CUSTOM_DATA, cam_message
+from carstage_sim.sensors import SensorAttributeError, WorldSensors
+from carstage_sim.sensors.cam import CAM_DATA, CUSTOM_DATA, CamNoise, cam_message
 from carstage_sim.sensors.projection import GeoProjection
 from carstage_sim.world.transmissions import StationType, Transmission
 from sensor_worlds import GROUND, WALL, request, state, town
@@ -195,3 +195,21 @@ def test_noise_is_added_as_the_attributes_say() -> None:
     )
     assert first["speed"]["value"] != second["speed"]["value"]
     assert first == message(attributes=shaken, frame=1, velocity=(20.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("noise_lat_bias", 1e15), ("noise_alt_bias", -1e300), ("noise_head_bias", 1e308),
+     ("noise_yawrate_stddev", 1e308), ("noise_lon_stddev", -1)],
+)  # fmt: skip
+def test_noise_that_no_message_can_hold_is_refused(name, value) -> None:
+    with pytest.raises(SensorAttributeError, match=name):
+        CamNoise({name: str(value)})
+
+
+def test_the_greatest_noise_fits_a_message() -> None:
+    names = [f"noise_{name}_bias" for name in ("lat", "lon", "alt", "head", "yawrate")]
+    names += [f"noise_accel_stddev_{axis}" for axis in "xyz"]
+    told = message(attributes=dict.fromkeys(names, "1e6"))
+    assert told["latitude"] == 490_000_000 + 10**13
+    assert told["yaw_rate"]["value"] == 32_767  # not known

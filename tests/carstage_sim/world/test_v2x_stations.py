@@ -6,9 +6,11 @@ import itertools
 
 import pytest
 
+from carstage_sim.maps import Town
 from carstage_sim.world.pose import Pose
-from carstage_sim.world.transmissions import StationType
+from carstage_sim.world.transmissions import CUSTOM_SENSOR, StationType
 from carstage_sim.world.v2x import CamClock
+from carstage_sim.world.world import World
 
 DEFAULTS = {"gen_cam_min": "0.1", "gen_cam_max": "1.0", "fixed_rate": "false"}
 
@@ -68,3 +70,20 @@ def test_what_seldom_changes_is_sent_twice_a_second() -> None:
     clock = CamClock(DEFAULTS, StationType.PASSENGER_CAR)
     taken = [clock.takes_low_frequency(0.1 * number) for number in range(1, 12)]
     assert [number for number, one in enumerate(taken) if one] == [0, 5, 10]
+
+
+def test_a_text_is_forgotten_after_a_tick_even_if_nobody_sends_it(stage01: Town) -> None:
+    world = World(stage01, episode_id=0)
+    gone = world.spawn(CUSTOM_SENSOR, {}, Pose())
+    world.destroy(gone.actor_id)
+    world.v2x.send(gone.actor_id + 1, "of another tick")
+    world.tick(0.05, 5)
+    sensor = world.spawn(CUSTOM_SENSOR, {}, Pose())
+    assert sensor.actor_id == gone.actor_id + 1
+    world.tick(0.05, 5)
+    assert world.v2x.transmissions == ()
+    world.v2x.send(sensor.actor_id, "of this tick")
+    world.tick(0.05, 5)
+    assert [sent.text for sent in world.v2x.transmissions] == ["of this tick"]
+    world.tick(0.05, 5)
+    assert world.v2x.transmissions == ()

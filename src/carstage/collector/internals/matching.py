@@ -50,10 +50,17 @@ class LostData(NamedTuple):
 
 
 class JoinedFrame(NamedTuple):
-    """A frame that is closed: whatever came for it in time, by sensor."""
+    """A frame that is closed.
+
+    Attributes:
+        expected: its tick.
+        data: whatever came for it in time, by sensor.
+        empty: sparse sensors that had nothing to deliver for it.
+    """
 
     expected: ExpectedFrame
     data: Dict[str, Any]
+    empty: Tuple[str, ...] = ()
 
 
 class LedgerRow(NamedTuple):
@@ -111,7 +118,7 @@ class FrameMatcher:
         self._skip = skip
         self._own_timelines = own_timelines
         self._gather = gather
-        self._sparse = frozenset(sparse)
+        self._sparse = tuple(sparse)
         self._dense = tuple(sensor for sensor in self._sensors if sensor not in self._sparse)
         self._newest_closed = -1
         self._too_late: List[Tuple[str, int]] = []
@@ -296,7 +303,8 @@ class FrameMatcher:
         if not expected.seen:
             self._skip_over(pending)
         self._newest_closed = expected.frame
-        for sensor in self._sparse.difference(pending.outcomes):
+        empty = tuple(sensor for sensor in self._sparse if sensor not in pending.outcomes)
+        for sensor in empty:
             pending.outcomes[sensor] = SensorOutcome(OK, None, waited_s)
         for sensor in pending.lacking(self._sensors):
             newest = self.newest[sensor]
@@ -313,7 +321,7 @@ class FrameMatcher:
                     MISSING, "delivered nothing for %.3g s" % waited_s, waited_s
                 )
                 self.misses[sensor] += 1
-        self._joined.append(JoinedFrame(expected, pending.data))
+        self._joined.append(JoinedFrame(expected, pending.data, empty))
         pending.data = {}  # the writers hold it now; the row may stay open for long
         self._closed.append(pending)
 

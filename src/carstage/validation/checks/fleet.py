@@ -9,6 +9,7 @@ import pyarrow as pa
 
 from carstage.dataset.ledger import saved_times_s
 from carstage.dataset.reading import Episode
+from carstage.dataset.tables import require_columns
 from carstage.errors import CarStageError
 from carstage.validation.checks.findings import Findings
 
@@ -30,7 +31,10 @@ def check_fleet(episode: Episode, findings: Findings) -> None:
         views = episode.views[1:]
         if not views:
             return
-        times_s, objects = saved_times_s(episode.ledger()), _places(episode.objects())
+        times_s, objects = (
+            saved_times_s(episode.ledger()),
+            _places(episode.objects(), "objects.parquet"),
+        )
     except CarStageError:
         return  # the checks of the ego's files say so
     for view in views:
@@ -54,8 +58,8 @@ def _check_agent(
         findings.add("fleet", f"{whose}its episode.json is not of this agent of the episode")
     if view.id != view.document["episode_id"] or saved_times_s(view.ledger()) != times_s:
         findings.add("fleet", f"{whose}it has other frames, or other times, than the ego")
-    places = _places(view.objects())
-    own = _places(view.ego(), "location")
+    places = _places(view.objects(), "objects.parquet")
+    own = _places(view.ego(), "ego.parquet", "location")
     for what, compared in (("object", places), ("agent's own track", own)):
         apart = [
             key
@@ -104,7 +108,10 @@ def check_flight(episode: Episode, view: Episode, findings: Findings) -> None:
         findings.add("drones", message, frame=fast[0])
 
 
-def _places(table: pa.Table, column: str = "actor_location") -> dict[tuple[int, int], Any]:
+def _places(
+    table: pa.Table, file: str, column: str = "actor_location"
+) -> dict[tuple[int, int], Any]:
     """Places in the world (m) by frame and track."""
+    require_columns(table, [*_KEYS, column], file)
     rows = table.select([*_KEYS, column]).to_pylist()
     return {(row["k"], row["track_id"]): row[column] for row in rows}

@@ -27,6 +27,7 @@ from carstage_sim.sensors.gbuffers import GBUFFERS
 from carstage_sim.sensors.gbuffers import SENT_AS as GBUFFER_MESSAGE
 from carstage_sim.sensors.looping import Looping
 from carstage_sim.sensors.measurements import SensorFrame, SensorRequest
+from carstage_sim.sensors.occupancy import TYPE_ID as EXACT_VOXELS
 from carstage_sim.sensors.projection import GeoProjection
 from carstage_sim.sensors.sensor import Sensor, SensorRegistry
 from carstage_sim.world.actors import Actor
@@ -387,7 +388,8 @@ class Simulation:
     def _before_spawn(self, type_id: str, attributes: Mapping[str, str]) -> None:
         """Refuse a sensor that could not be captured, before it is in the world.
 
-        What can be seen gets its shape here: clients wait longer for a spawn than for a picture.
+        What can be seen gets its shape here, and exact voxels get their kernels: clients wait
+        longer for a spawn than for a picture.
 
         Raises:
             SpawnError: an attribute has an impossible value.
@@ -400,12 +402,14 @@ class Simulation:
             SensorRegistry.make(request, self._town)
         except SensorAttributeError as error:
             raise SpawnError(f"{type_id}: {error}") from error
+        if type_id == EXACT_VOXELS:
+            self._drawing.at_once_or_later(self._expect, type_id)
 
     def _expect(self, type_id: str) -> None:
         try:
             self._sensors.expect(type_id)
         except Exception:
-            logger.exception("the shape of %s cannot be made", type_id)
+            logger.exception("%s cannot be prepared", type_id)
 
 
 def _late_turns(scene: Scene, turn_of: Callable[[int], LateTurn | None]) -> dict[int, LateTurn]:

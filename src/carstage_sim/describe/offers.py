@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from carstage_sim.maps import MapCatalogue, available_towns, spawn_point_count
@@ -33,13 +34,15 @@ def describe(protocol: str, maps: MapCatalogue | None = None) -> dict[str, Any]:
         UnknownProtocolError: no table for that version is built in.
     """
     spoken = dialect(protocol)
+    names = (maps or MapCatalogue()).names
+    with ThreadPoolExecutor() as threads:  # each waits for a process of its own, the first time
+        counts = list(threads.map(_spawn_points, names))
     return {
         "protocol": protocol,
         "protocols": list(DIALECTS),
         "limits": LIMITS,
         "maps": [
-            {"name": name, "spawn_points": _spawn_points(name)}
-            for name in (maps or MapCatalogue()).names
+            {"name": name, "spawn_points": count} for name, count in zip(names, counts, strict=True)
         ],
         "blueprints": [
             _blueprint(blueprint)

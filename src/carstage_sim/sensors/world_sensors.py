@@ -104,7 +104,9 @@ class WorldSensors:
         self._caster.close()
 
     def warm_up(self, await_rays: Callable[[], None] = lambda: None) -> None:
-        """Compile, or load, every kernel: afterwards no capture waits for the compiler.
+        """Compile, or load, the kernels of all rigs: no capture waits for the compiler then.
+
+        Those of exact voxels follow with the first such sensor; see :meth:`expect`.
 
         Args:
             await_rays: called when all but the rays' kernels are done, to wait for who compiles
@@ -112,7 +114,6 @@ class WorldSensors:
         """
         self._pictures.warm_up(self._store)
         frame = self._store.frame([])
-        occupancy.warm_up(frame)
         await_rays()
         self._pictures.warm_up_rays(self._store)
         view = View(lambda: frame, self._caster, self._pictures, Weather(), 0.0)
@@ -126,7 +127,13 @@ class WorldSensors:
             self._cameras.warm_up(self._store.frame([]), light)
 
     def expect(self, type_id: str) -> None:
-        """Make the shapes of a blueprint now, so that its first picture need not wait for them."""
+        """Do now what the first picture of a blueprint, or by one, would have to wait for.
+
+        Args:
+            type_id: of what has a shape, or of a sensor with kernels of its own.
+        """
+        if type_id == occupancy.TYPE_ID:
+            occupancy.warm_up(self._store.frame([]))
         self._store.prepare(self._models.keys_of(type_id))
 
     def reset(self) -> None:

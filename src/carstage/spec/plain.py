@@ -7,12 +7,14 @@ from typing import Any, Mapping
 
 _LEFT_OUT_AT_DEFAULT = "left_out_at_default"
 LEFT_OUT = {_LEFT_OUT_AT_DEFAULT: True}
-"""Metadata of a field that has no key in the JSON form while it is its default, None or a flag."""
+"""Metadata of a field that has no key in the JSON form while it is its default: None, a flag, ()."""
 
 
 def is_left_out(field: Field[Any], value: Any) -> bool:
     """Whether a field with that value has no key in the JSON form."""
-    return value is field.default and _LEFT_OUT_AT_DEFAULT in field.metadata
+    # By value: not every empty tuple is the same one in Python 3.10.
+    same = type(value) is type(field.default) and value == field.default
+    return same and _LEFT_OUT_AT_DEFAULT in field.metadata
 
 
 def plain(value: Any) -> Any:

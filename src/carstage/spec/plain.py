@@ -7,7 +7,7 @@ from typing import Any, Mapping
 
 _LEFT_OUT_AT_DEFAULT = "left_out_at_default"
 LEFT_OUT = {_LEFT_OUT_AT_DEFAULT: True}
-"""Metadata of a field that has no key in the JSON form while it is its default: None, a flag, ()."""
+"""Metadata of a field without a key in the JSON form while it is its default: None, a flag, ()."""
 
 
 def is_left_out(field: Field[Any], value: Any) -> bool:

@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from carstage.dataset.reading import Episode
-from carstage.dataset.saved_frames import RowsByFrame
 from carstage.errors import DatasetError
 from carstage.lane_lines.town import AREAS
 from carstage.report import html
 from carstage.report.drawing import RgbColour, data_uri
-from carstage.sensor_kinds.model import COLOUR
+from carstage.report.labelled_pictures import labelled_pictures
 
 _PICTURE_PX = 640
 _HIDDEN: RgbColour = (120, 124, 132)
@@ -69,20 +68,13 @@ def lane_lines_section(episode: Episode, frames: Sequence[int]) -> str:
         return ""  # the validation reports it
     if table is None:
         return ""
-    rows_of, figures, shown = RowsByFrame(table), [], set[str]()
-    for sensor in episode.sensors:
-        if not sensor.calibration.labelled or sensor.content != COLOUR:
-            continue
-        for k in frames:
-            rows = [row for row in rows_of.rows(k) if row["sensor_id"] == sensor.id]
-            try:
-                image = sensor.read(k)
-            except DatasetError:
-                continue  # the validation reports it
-            shown |= {line_name(row) for row in rows}
-            picture = draw_lane_lines(image, rows)
-            caption = f"{sensor.id}, frame {k}: {len(rows)} lines and areas"
-            figures.append(html.figure(data_uri(picture, _PICTURE_PX), caption))
+    figures, shown = [], set[str]()
+    for place, image, rows in labelled_pictures(episode, frames, table):
+        shown |= {line_name(row) for row in rows}
+        picture = draw_lane_lines(image, rows)
+        figures.append(
+            html.figure(data_uri(picture, _PICTURE_PX), f"{place}: {len(rows)} lines and areas")
+        )
     if not figures:
         return ""
     legend = [(n, c) for n, c in LINE_COLOURS.items() if n in shown or n == "hidden"]

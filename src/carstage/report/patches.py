@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from carstage.dataset.reading import Episode
-from carstage.dataset.saved_frames import RowsByFrame
 from carstage.errors import DatasetError
 from carstage.report import html
 from carstage.report.drawing import RgbColour, data_uri
-from carstage.sensor_kinds.model import COLOUR
+from carstage.report.labelled_pictures import labelled_pictures
 
 _PICTURE_PX = 640
 _SEEN: RgbColour = (255, 64, 200)
@@ -48,18 +47,10 @@ def patches_section(episode: Episode, frames: Sequence[int]) -> str:
         return ""  # the validation reports it
     if table is None:
         return ""
-    rows_of, figures = RowsByFrame(table), []
-    for sensor in episode.sensors:
-        if not sensor.calibration.labelled or sensor.content != COLOUR:
-            continue
-        for k in frames:
-            rows = [row for row in rows_of.rows(k) if row["sensor_id"] == sensor.id]
-            try:
-                image = sensor.read(k)
-            except DatasetError:
-                continue  # the validation reports it
-            caption = f"{sensor.id}, frame {k}: {len(rows)} patches in view"
-            figures.append(html.figure(data_uri(draw_patches(image, rows), _PICTURE_PX), caption))
+    figures = []
+    for place, image, rows in labelled_pictures(episode, frames, table):
+        caption = f"{place}: {len(rows)} patches in view"
+        figures.append(html.figure(data_uri(draw_patches(image, rows), _PICTURE_PX), caption))
     if not figures:
         return ""
     shown = all(patch.is_shown for patch in episode.spec.patches)

@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage.dataset.reading import Episode, Sensor
+from carstage.dataset.reading import Episode
 from carstage.dataset.saved_frames import RowsByFrame
 from carstage.dataset.tables import require_columns
 from carstage.errors import DatasetError
 from carstage.geometry import pose_matrix
 from carstage.lane_lines import PictureView, TownLines, lines_in_view
 from carstage.validation.checks.findings import Findings
+from carstage.validation.checks.labelled_cameras import LabelledCameras
 
 _FILE = "lane_lines.parquet"
 _TOLERANCE = 0.011
@@ -52,17 +53,7 @@ class LaneLineChecks:
             episode.sensor_poses().select(["k", "sensor_id", "location", "rotation_deg"])
         )
         self._range_m = episode.spec.max_distance_m
-        sensors = {sensor.id: sensor for sensor in episode.sensors}
-        self._cameras = {
-            name: sensor
-            for name, sensor in sensors.items()
-            if sensor.calibration.labelled and sensor.calibration.is_pinhole
-        }
-        self._depth: dict[str, Sensor] = {}
-        for name, sensor in self._cameras.items():
-            depth = sensors.get(sensor.calibration.depth or "")
-            if depth is not None and depth.calibration.is_lossless:
-                self._depth[name] = depth
+        self._cameras, self._depth = LabelledCameras.of(episode)
 
     def check(self, k: int, data: Mapping[str, NDArray[Any]]) -> None:
         """Compare the rows of frame ``k`` with what follows.

@@ -38,6 +38,7 @@ def run_self_test(
     interruption: Interruption,
     *,
     sensor_warmup_ticks: int | None = None,
+    has_ended: Callable[[], bool] = lambda: False,
 ) -> Verdict:
     """Record the self-test on a server and judge it.
 
@@ -49,6 +50,7 @@ def run_self_test(
         folder: an existing folder for plan, log and raw recording, in ``selftest``.
         interruption: the signals.
         sensor_warmup_ticks: as in the collector's plan.
+        has_ended: whether the server is one of ours, and gone. The client would wait on for it.
 
     Returns:
         The verdict; one that says why, when the recording itself fails.
@@ -64,7 +66,7 @@ def run_self_test(
         name, spawn_points = ask_spawn_points(endpoint.host, endpoint.port)
         spec = plan_self_test(facts.dialect, name, spawn_points, facts.blueprints)
         plan = _plan(endpoint, spec, place, sensor_warmup_ticks)
-        _record(plan, place, client, endpoint, interruption)
+        _record(plan, place, client, endpoint, interruption, has_ended)
         verdict = judge_log(place / "raw")
     except (CollectorError, RawLogError, ServerError) as error:
         verdict = failed_verdict(endpoint.version, client.client, str(error))
@@ -98,6 +100,7 @@ def examine_server(config: Config, notify: Callable[[str], None]) -> Verdict:
             Path(folder),
             interruption,
             sensor_warmup_ticks=setup.sensor_warmup_ticks,
+            has_ended=lambda: setup.has_ended,
         )
 
 
@@ -152,11 +155,12 @@ def _record(
     client: ClientPython,
     endpoint: Endpoint,
     interruption: Interruption,
+    has_ended: Callable[[], bool],
 ) -> None:
     """Run a collector to its end.
 
     Raises:
-        CollectorError: it failed, or said nothing for long.
+        CollectorError: it failed, or said nothing for long, or its server is gone.
         KeyboardInterrupt: the user asked to end.
     """
     collector = CollectorProcess(
@@ -180,7 +184,11 @@ def _record(
                 for event in collector.read_events():
                     if event["event"] == "error":
                         reason = f"{event.get('message')} {event.get('hint') or ''}".strip()
+            if not collector.ended and has_ended():
+                collector.kill()
+                raise CollectorError("The server ended while it was tested.")
             if time.monotonic() > deadline_s:
+                collector.kill()
                 raise CollectorError(f"The collector gave no sign for {_SILENCE_S:.0f} s.")
         if interruption.requested:
             own = endpoint.pid is not None  # then there is nothing to give back

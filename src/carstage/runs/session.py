@@ -283,6 +283,7 @@ class Session(RunSession):
                 self._self_test_folder,
                 self._interruption,
                 sensor_warmup_ticks=self._setup.sensor_warmup_ticks,
+                has_ended=lambda: self._setup.has_ended,
             )
             if verdict.ok or not retries or not self._setup.has_ended:
                 return verdict

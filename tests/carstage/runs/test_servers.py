@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -147,6 +148,27 @@ def test_self_test_that_cannot_be_recorded_is_a_failed_verdict(
 
 
 @pytest.mark.end_to_end
+def test_self_test_does_not_wait_for_a_server_that_has_ended(
+    simulator: RunningSimulator, tmp_path: Path
+) -> None:
+    # The client waits for its answer: for a minute, or for as long as nothing says that it is gone.
+    python = tmp_path / "python"
+    python.write_text("#!/bin/sh\nexec sleep 1000\n")
+    python.chmod(0o755)
+    endpoint = Endpoint("127.0.0.1", simulator.port, free_port(), "0.9.16", None)
+    with Interruption() as interruption:
+        found = run_self_test(
+            endpoint,
+            ClientPython(python, "0.9.16"),
+            tmp_path,
+            interruption,
+            has_ended=lambda: True,
+        )
+    assert found.failed == ("recording",)
+    assert "The server ended" in found.checks[0].found
+
+
+@pytest.mark.end_to_end
 @pytest.mark.xdist_group("runs")
 def test_a_server_of_ours_that_ends_during_its_self_test_is_tested_anew(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -154,10 +176,11 @@ def test_a_server_of_ours_that_ends_during_its_self_test_is_tested_anew(
     tested: list[Verdict] = []
 
     def killing(endpoint: Endpoint, *rest: Any, **options: Any) -> Verdict:
+        assert endpoint.pid is not None
+        server = psutil.Process(endpoint.pid)
+        timer = threading.Timer(0.5, server.kill)  # while the collector is at work
         if not tested:
-            assert endpoint.pid is not None
-            psutil.Process(endpoint.pid).kill()
-            psutil.Process(endpoint.pid).wait(10)
+            timer.start()
         tested.append(run_self_test(endpoint, *rest, **options))
         return tested[-1]
 

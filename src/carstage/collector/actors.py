@@ -103,7 +103,7 @@ def spawn_vehicles(session: WorldSession, spec: EpisodeSpec, start: Any) -> List
             blueprint = rng.choice(blueprints)
             dress(blueprint, rng)
             blueprint.set_attribute("role_name", "autopilot")
-            vehicle = session.world.try_spawn_actor(blueprint, place)
+            vehicle = session.try_spawn(blueprint, place)
             if vehicle is not None:
                 vehicles.append(vehicle)
                 session.destroy_on_exit("vehicle %d" % vehicle.id, vehicle)
@@ -157,7 +157,7 @@ def spawn_walkers(session: WorldSession, spec: EpisodeSpec, start: Any) -> List[
             blueprint.set_attribute("is_invincible", "false")
         speed_m_s = _speed_m_s(blueprint, rng, rng.random() < plan.running_percent / 100.0)
         place.z += 1.0
-        actor = world.try_spawn_actor(blueprint, carla.Transform(place))
+        actor = session.try_spawn(blueprint, carla.Transform(place))
         if actor is None:
             continue
         session.destroy_on_exit("walker %d" % actor.id, actor)

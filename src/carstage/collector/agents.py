@@ -89,7 +89,7 @@ def _spawn_vehicle(
         blueprint.set_attribute("color", ",".join(str(channel) for channel in vehicle.color))
     blueprint.set_attribute("role_name", agent.name)
     for place in _places(session, vehicle, taken, path):
-        actor = session.world.try_spawn_actor(blueprint, place)
+        actor = session.try_spawn(blueprint, place)
         if actor is not None:
             taken.append(place.location)
             return actor

@@ -51,7 +51,7 @@ def spawn_ego(session: WorldSession, spec: EpisodeSpec) -> Any:
     if spec.ego.color is not None and blueprint.has_attribute("color"):
         blueprint.set_attribute("color", ",".join(str(channel) for channel in spec.ego.color))
     blueprint.set_attribute("role_name", "hero")
-    ego = session.world.try_spawn_actor(blueprint, start)
+    ego = session.try_spawn(blueprint, start)
     if ego is None:
         raise SceneError(
             "ego: %s of map %s is not free." % (words, spec.map),

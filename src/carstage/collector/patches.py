@@ -130,7 +130,7 @@ def _spawn(
     How large a board is, only the spawned one tells: it is made high above the town first.
     """
     high = session.map.get_spawn_points()[0].location + carla.Location(z=300.0)
-    model = session.world.try_spawn_actor(blueprint, carla.Transform(high))
+    model = session.try_spawn(blueprint, carla.Transform(high))
     if model is None:
         return None
     box, extent = model.bounding_box.location, _extent(model)
@@ -138,10 +138,7 @@ def _spawn(
     middle = (box.x, box.y, box.z)
     for pose in _poses(session, population, patch, extent, taken):
         transform = _transform(pose, middle, extent)
-        if pose.parent is None:
-            board = session.world.try_spawn_actor(blueprint, transform)
-        else:
-            board = session.world.try_spawn_actor(blueprint, transform, attach_to=pose.parent)
+        board = session.try_spawn(blueprint, transform, pose.parent)
         if board is not None:
             return board, pose.parent
     return None

@@ -9,6 +9,7 @@ from typing import Any, Callable, List, Tuple
 import carla
 
 from carstage.collector.client import answers
+from carstage.collector.internals.errors import ran_out_of_time
 from carstage.collector.internals.plan import DEFAULT_LOAD_TIMEOUT_S
 from carstage.collector.maps import find_map, layers_of
 from carstage.collector.timing import apply_timing, keeps_timing, release_timing
@@ -80,6 +81,23 @@ class WorldSession:
             return self.client.load_world(name, False, layers)
         finally:
             self.client.set_timeout(self._timeout_s)
+
+    def try_spawn(self, blueprint: Any, transform: Any, attach_to: Any = None) -> Any:
+        """Spawn an actor; None where the server has no room for it.
+
+        ``World.try_spawn_actor`` gives None as well when the server does not answer in time, as
+        after a laptop slept. The actor may stand there then, the next place would be tried, and
+        the episode would go on with other actors than its plan has.
+
+        Raises:
+            RuntimeError: the server did not answer in time.
+        """
+        try:
+            return self.world.spawn_actor(blueprint, transform, attach_to)
+        except RuntimeError as error:
+            if ran_out_of_time(error):
+                raise
+            return None
 
     def on_exit(self, what: str, give_back: Callable[[], object]) -> None:
         """Have something given back at the end; the last one taken is given back first."""

@@ -63,11 +63,9 @@ class Session:
         library = SimpleNamespace(
             filter=lambda pattern: [Blueprint(n) for n in names if fnmatchcase(n, pattern)]
         )
-        self.world = SimpleNamespace(
-            get_blueprint_library=lambda: library, try_spawn_actor=self.spawn
-        )
+        self.world = SimpleNamespace(get_blueprint_library=lambda: library)
 
-    def spawn(self, blueprint: Blueprint, place: Any) -> Any:
+    def try_spawn(self, blueprint: Blueprint, place: Any) -> Any:
         self.spawned.append((blueprint.id, place.location.x))
         return SimpleNamespace(id=len(self.spawned))
 

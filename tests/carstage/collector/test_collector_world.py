@@ -1,14 +1,17 @@
-"""Loading a map has a patience of its own; every other call keeps the client's."""
+"""Calls that a server does not answer: a map that loads, a spawn of a server held still."""
 
 from __future__ import annotations
 
+import signal
 from types import SimpleNamespace
 from typing import Any
 
+import carla
 import pytest
 
 from carstage.collector.world import WorldSession
 from carstage.spec import TimingSpec
+from running_simulator import RunningSimulator
 
 
 class SlowClient:
@@ -48,3 +51,34 @@ def test_loading_a_map_has_a_timeout_of_its_own() -> None:
         pytest.fail("it was loaded")
     assert client.loaded_under_s == 300.0
     assert client.timeout_s == 20.0
+
+
+@pytest.mark.end_to_end
+def test_a_server_that_does_not_answer_is_not_taken_for_an_occupied_place(
+    simulator: RunningSimulator,
+) -> None:
+    client = carla.Client(simulator.host, simulator.port)
+    client.set_timeout(10.0)
+    spec: Any = SimpleNamespace()
+    session = WorldSession(client, spec, 10.0)
+    session.world = client.get_world()
+    library = session.world.get_blueprint_library()
+    blueprint = library.find("vehicle.tesla.model3")
+    places = session.world.get_map().get_spawn_points()
+    first = session.try_spawn(blueprint, places[0])
+    mounted = session.try_spawn(library.find("static.prop.box01"), carla.Transform(), first)
+    try:
+        assert session.try_spawn(blueprint, places[0]) is None  # that place is taken
+        assert mounted.parent.id == first.id
+        client.set_timeout(0.5)
+        simulator.process.send_signal(signal.SIGSTOP)
+        with pytest.raises(RuntimeError, match="time-out"):
+            session.try_spawn(blueprint, places[1])
+    finally:
+        simulator.process.send_signal(signal.SIGCONT)
+        client.set_timeout(10.0)
+        # The spawn that ran out of time is carried out once the server goes on.
+        gone = [one for one in session.world.get_actors() if one.type_id == blueprint.id]
+        client.apply_batch_sync(
+            [carla.command.DestroyActor(one.id) for one in (*gone, mounted)], False
+        )

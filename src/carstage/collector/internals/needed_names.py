@@ -53,7 +53,7 @@ NEEDED: Dict[str, Tuple[str, ...]] = {
     "World": (
         *("apply_settings", "get_actors", "get_blueprint_library", "get_map", "get_settings"),
         *("get_random_location_from_navigation", "get_snapshot", "get_weather", "id", "on_tick"),
-        *("remove_on_tick", "set_weather", "spawn_actor", "tick", "try_spawn_actor"),
+        *("remove_on_tick", "set_weather", "spawn_actor", "tick"),
     ),
     "WorldSettings": (
         *("fixed_delta_seconds", "max_substep_delta_time", "max_substeps", "no_rendering_mode"),

@@ -170,7 +170,7 @@ class Replay(Scenario):
         for drop_m in DROPS_M:
             place = _transform(pose)
             place.location.z += drop_m
-            actor = self._session.world.try_spawn_actor(blueprint, place)
+            actor = self._session.try_spawn(blueprint, place)
             if actor is not None:
                 break
         else:

@@ -217,9 +217,7 @@ class Surroundings:
             above = carla.Location(
                 transform.location.x, transform.location.y, transform.location.z + drop_m
             )
-            actor = self._session.world.try_spawn_actor(
-                blueprint, carla.Transform(above, transform.rotation)
-            )
+            actor = self._session.try_spawn(blueprint, carla.Transform(above, transform.rotation))
             if actor is not None:
                 self._session.destroy_on_exit("event's actor %d" % actor.id, actor)
                 if actor.type_id.startswith("vehicle."):

@@ -151,7 +151,7 @@ class Storyboard(Scenario):
         for drop_m in (0.0, *DROPS_M) if entity.blueprint.startswith("static.") else DROPS_M:
             place = carla.Location(at.location.x, at.location.y, at.location.z + above_m + drop_m)
             transform = carla.Transform(place, at.rotation)
-            actor = self._session.world.try_spawn_actor(blueprint, transform)
+            actor = self._session.try_spawn(blueprint, transform)
             if actor is not None:
                 self._session.destroy_on_exit("actor %d" % actor.id, actor)
                 return actor

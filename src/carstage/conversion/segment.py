@@ -19,6 +19,7 @@ from carstage.annotation.point_sensors import radar_points
 from carstage.annotation.schema import LANE_LINES, PATCHES, Column, frame_tables
 from carstage.codecs import codec_for
 from carstage.codecs.codec import image_bgra
+from carstage.conversion.disparity import DisparityMaker
 from carstage.conversion.flash_lidar import flash_payload
 from carstage.conversion.lane_lines import LaneLineMaker
 from carstage.conversion.occupancy import occupancy_files, part_path
@@ -127,7 +128,8 @@ def label_segment(
 ) -> EncodedSegment:
     """Label the saved ticks of one segment into part files below the raw log.
 
-    Bird's-eye grids are files of the attempt. For an agent beside the ego, it is taken for the ego.
+    Bird's-eye grids and disparity are files of the attempt. An agent beside the ego is taken for
+    the ego.
 
     Raises:
         ConversionError: a label row does not fit the schema.
@@ -141,7 +143,7 @@ def label_segment(
         actors,
         level_objects=log.level_objects(up_to_segment=segment),
     )
-    around = Surroundings(log)
+    around, stereo = Surroundings(log), DisparityMaker(log.spec)
     lines = LaneLineMaker(log) if log.spec.labels.lane_lines else None
     patches = PatchMaker(log, actors) if log.spec.patches else None
     tables = frame_tables(lane_lines=lines is not None, patches=patches is not None)
@@ -194,6 +196,7 @@ def label_segment(
             rows[PATCHES] += patches.rows(ticks[world.tick], world, labels, images)
         sweeps = {name: by_tick[name].get(world.tick) for name in around.swept}
         files += around.files(world, ticks[world.tick], labels, images, clouds, sweeps)
+        files += stereo.files(ticks[world.tick], images)
     folder = parts_folder(raw_folder, agent)
     folder.mkdir(exist_ok=True)
     around.end(part_path(folder, segment))

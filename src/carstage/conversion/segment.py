@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from carstage.annotation import CameraImages, EpisodeLabeller
+from carstage.annotation import CameraImages, CameraInputs, EpisodeLabeller
 from carstage.annotation.decoding import decode_depth_bgra
 from carstage.annotation.point_sensors import radar_points
 from carstage.annotation.schema import LANE_LINES, PATCHES, Column, frame_tables
@@ -167,18 +167,7 @@ def label_segment(
     for world in log.world_frames(segment):
         if world.tick not in ticks:
             continue
-        images = {}
-        for camera, inputs in streams.items():
-            depth = _picture(by_id[inputs.depth], by_tick, world.tick)
-            if depth is None:
-                continue  # the ledger says why; the labeller then has no pixels of this camera
-            instance = None
-            if inputs.instance:
-                instance = _picture(by_id[inputs.instance], by_tick, world.tick)
-            images[camera] = CameraImages(
-                decode_depth_bgra(image_bgra(*depth)),
-                None if instance is None else image_bgra(*instance),
-            )
+        images = _camera_images(streams, by_id, by_tick, world.tick)
         clouds = _clouds(log.spec, by_tick, world.tick)
         detections = {
             radar: radar_points(np.frombuffer(record.payload, "<f4").reshape(-1, 4))
@@ -291,6 +280,26 @@ def label_schema(columns: Sequence[Column]) -> pa.Schema:
             for c in columns
         ]
     )
+
+
+def _camera_images(
+    streams: Mapping[str, CameraInputs],
+    by_id: Mapping[str, SensorSpec],
+    by_tick: Mapping[str, Mapping[int, Record]],
+    tick: int,
+) -> dict[str, CameraImages]:
+    """What labelled cameras see in a tick; one without depth is left out, the ledger says why."""
+    images = {}
+    for camera, inputs in streams.items():
+        depth = _picture(by_id[inputs.depth], by_tick, tick)
+        if depth is None:
+            continue
+        instance = _picture(by_id[inputs.instance], by_tick, tick) if inputs.instance else None
+        images[camera] = CameraImages(
+            decode_depth_bgra(image_bgra(*depth)),
+            None if instance is None else image_bgra(*instance),
+        )
+    return images
 
 
 def _picture(

@@ -78,11 +78,11 @@ def attempt_of(dataset: Path) -> Path:
     return next((dataset / "episodes").glob("*/*"))
 
 
-def recommit(dataset: Path) -> None:
+def recommit(dataset: Path, attempt: Path | None = None) -> None:
     """Make the marker fit the files as they are, so that only what they mean can be wrong."""
-    marker = next((dataset / "commits").glob("*.json"))
+    folder = attempt or attempt_of(dataset)
+    marker = dataset / "commits" / f"{folder.parent.name}.json"
     document = json.loads(marker.read_text())
-    folder = attempt_of(dataset)
     document["files"] = [
         {
             "path": path.relative_to(folder).as_posix(),
@@ -107,7 +107,12 @@ def edit_rows(
 
 def add_vector_map(dataset: Path, opendrive: str) -> None:
     """Give the only episode the vector map of a text, as a run does."""
-    path = attempt_of(dataset) / "episode.json"
+    give_vector_map(dataset, attempt_of(dataset), opendrive)
+
+
+def give_vector_map(dataset: Path, attempt: Path, opendrive: str) -> None:
+    """Give an episode the vector map of a text."""
+    path = attempt / "episode.json"
     document = json.loads(path.read_text())
     table = to_table(vector_map(opendrive), GeoFrame.from_json(document["geo_reference"]))
     file = path.with_name("map.parquet")
@@ -115,4 +120,4 @@ def add_vector_map(dataset: Path, opendrive: str) -> None:
     named = LocalStore(dataset).keep_map(file.read_bytes(), "parquet")
     file.unlink()
     path.write_text(json.dumps({**document, "vector_map": named, "vector_map_problem": None}))
-    recommit(dataset)
+    recommit(dataset, attempt)

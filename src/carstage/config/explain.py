@@ -21,7 +21,7 @@ _MOST_SHOWN = 8
 _SHAPES = ("model_type", "model_attributes_type", "tuple_type")
 #: Tags of discriminated unions, which pydantic puts into the path though no key is named so.
 _TAGS = {
-    "server": ("embedded", "carla", "remote"),
+    "server": ("embedded", "carla", "remote", "class"),
     "scenario": SCENARIO_KINDS,
     "driver": DRIVER_KINDS,
     "events": tuple(known_events()),

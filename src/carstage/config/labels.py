@@ -183,6 +183,12 @@ class Labels(Section):
         "camera sees them.",
         group="labels",
     )
+    disparity: bool = setting(
+        LabelsSpec.disparity,
+        title="Disparity",
+        description="Add the exact disparity of labelled cameras that are rectified stereo pairs.",
+        group="labels",
+    )
 
     @model_validator(mode="after")
     def _check_lane_lines(self) -> Labels:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field
+from pydantic import Discriminator, Field, field_validator
 
-from carstage.config.fields import Names, Section, setting
+from carstage.config.fields import Names, Section, problem, setting, shortened
 from carstage.config.supervision import restart_every as _restart_every
+from carstage.spec.drivers import MOST_PARAMETERS, is_class_name
 
 Port = Literal["auto"] | Annotated[int, Field(ge=1024, le=65_000)]
 
@@ -135,6 +136,47 @@ class RemoteServerConfig(Section):
     self_test: SelfTest = _self_test()
 
 
+class ClassServerConfig(Section):
+    """A class of yours starts another simulator; see docs/how-to/add-a-simulator.md."""
+
+    kind: Literal["class"] = setting(
+        title="Server", basic=True, description="A class of yours starts it.", group="server"
+    )
+    name: str = setting(
+        title="Class",
+        description="`module:Class`, derived from `carstage.server.Server`.",
+        group="server",
+        min_length=1,
+    )
+    folders: Names = setting(
+        (".",),
+        title="Folders",
+        description="Where its module, and its collector's, are looked for before the installed "
+        "packages; relative to the working directory.",
+        group="server",
+    )
+    parameters: dict[str, bool | int | float | str] = setting(
+        dict,
+        title="Parameters",
+        description="Keyword arguments of the class: words, numbers, `true` or `false`.",
+        group="server",
+        max_length=MOST_PARAMETERS,
+    )
+    restart_every: int = _restart_every()
+
+    @field_validator("name")
+    @classmethod
+    def _check_name(cls, name: str) -> str:
+        if not is_class_name(name):
+            raise problem(
+                f"{shortened(repr(name))} is not module:Class.",
+                "Write, for example, `my_simulator:MyServer` for class MyServer of "
+                "my_simulator.py.",
+            )
+        return name
+
+
 ServerConfig = Annotated[
-    EmbeddedServerConfig | CarlaServerConfig | RemoteServerConfig, Discriminator("kind")
+    EmbeddedServerConfig | CarlaServerConfig | RemoteServerConfig | ClassServerConfig,
+    Discriminator("kind"),
 ]

@@ -13,12 +13,13 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from carstage.annotation import CameraImages, EpisodeLabeller
+from carstage.annotation import CameraImages, CameraInputs, EpisodeLabeller
 from carstage.annotation.decoding import decode_depth_bgra
 from carstage.annotation.point_sensors import radar_points
 from carstage.annotation.schema import LANE_LINES, PATCHES, Column, frame_tables
 from carstage.codecs import codec_for
 from carstage.codecs.codec import image_bgra
+from carstage.conversion.disparity import DisparityMaker
 from carstage.conversion.flash_lidar import flash_payload
 from carstage.conversion.lane_lines import LaneLineMaker
 from carstage.conversion.occupancy import occupancy_files, part_path
@@ -127,7 +128,8 @@ def label_segment(
 ) -> EncodedSegment:
     """Label the saved ticks of one segment into part files below the raw log.
 
-    Bird's-eye grids are files of the attempt. For an agent beside the ego, it is taken for the ego.
+    Bird's-eye grids and disparity are files of the attempt. An agent beside the ego is taken for
+    the ego.
 
     Raises:
         ConversionError: a label row does not fit the schema.
@@ -141,7 +143,7 @@ def label_segment(
         actors,
         level_objects=log.level_objects(up_to_segment=segment),
     )
-    around = Surroundings(log)
+    around, stereo = Surroundings(log), DisparityMaker(log.spec)
     lines = LaneLineMaker(log) if log.spec.labels.lane_lines else None
     patches = PatchMaker(log, actors) if log.spec.patches else None
     tables = frame_tables(lane_lines=lines is not None, patches=patches is not None)
@@ -165,18 +167,7 @@ def label_segment(
     for world in log.world_frames(segment):
         if world.tick not in ticks:
             continue
-        images = {}
-        for camera, inputs in streams.items():
-            depth = _picture(by_id[inputs.depth], by_tick, world.tick)
-            if depth is None:
-                continue  # the ledger says why; the labeller then has no pixels of this camera
-            instance = None
-            if inputs.instance:
-                instance = _picture(by_id[inputs.instance], by_tick, world.tick)
-            images[camera] = CameraImages(
-                decode_depth_bgra(image_bgra(*depth)),
-                None if instance is None else image_bgra(*instance),
-            )
+        images = _camera_images(streams, by_id, by_tick, world.tick)
         clouds = _clouds(log.spec, by_tick, world.tick)
         detections = {
             radar: radar_points(np.frombuffer(record.payload, "<f4").reshape(-1, 4))
@@ -194,6 +185,7 @@ def label_segment(
             rows[PATCHES] += patches.rows(ticks[world.tick], world, labels, images)
         sweeps = {name: by_tick[name].get(world.tick) for name in around.swept}
         files += around.files(world, ticks[world.tick], labels, images, clouds, sweeps)
+        files += stereo.files(ticks[world.tick], images)
     folder = parts_folder(raw_folder, agent)
     folder.mkdir(exist_ok=True)
     around.end(part_path(folder, segment))
@@ -288,6 +280,26 @@ def label_schema(columns: Sequence[Column]) -> pa.Schema:
             for c in columns
         ]
     )
+
+
+def _camera_images(
+    streams: Mapping[str, CameraInputs],
+    by_id: Mapping[str, SensorSpec],
+    by_tick: Mapping[str, Mapping[int, Record]],
+    tick: int,
+) -> dict[str, CameraImages]:
+    """What labelled cameras see in a tick; one without depth is left out, the ledger says why."""
+    images = {}
+    for camera, inputs in streams.items():
+        depth = _picture(by_id[inputs.depth], by_tick, tick)
+        if depth is None:
+            continue
+        instance = _picture(by_id[inputs.instance], by_tick, tick) if inputs.instance else None
+        images[camera] = CameraImages(
+            decode_depth_bgra(image_bgra(*depth)),
+            None if instance is None else image_bgra(*instance),
+        )
+    return images
 
 
 def _picture(

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from carstage.birds_eye import BirdsEye
 from carstage.codecs import codec_for
 from carstage.dataset.calibration import Calibration, SensorCalibration, calibration_of
+from carstage.dataset.disparity import read_disparity_steps
 from carstage.dataset.documents import read_document
 from carstage.dataset.maps import map_path, read_map, read_vector_map, vector_map_table
 from carstage.dataset.messages import message_table
@@ -24,7 +25,9 @@ from carstage.dataset.tables import read_table, require_columns, row_sensor
 from carstage.errors import BadInputError, DatasetError
 from carstage.files.bounded import read_bounded
 from carstage.geometry import GeoFrame, pose_matrix
+from carstage.geometry.stereo import STEPS_PER_PX, CameraPair
 from carstage.occupancy import Occupancy
+from carstage.plan.stereo import planned_pairs
 from carstage.spec import EpisodeSpec, SpecError, is_agent_name
 from carstage.storage.marker import CommitMarker, FileEntry
 from carstage.storage.names import AGENTS, agent_folder
@@ -314,6 +317,32 @@ class Episode:
             DatasetError: the file is missing or damaged.
         """
         return None if self.spec.labels.birds_eye is None else read_birds_eye(self.folder, k)
+
+    def stereo_pairs(self) -> tuple[CameraPair, ...]:
+        """Labelled cameras that are rectified stereo pairs, each with its baseline (m)."""
+        return planned_pairs(self.spec.sensors)
+
+    def disparity(self, camera: str, k: int) -> NDArray[np.float32] | None:
+        """Disparity of a camera's picture of frame ``k``; ``None`` where there is none of it.
+
+        ``(H, W)`` px, NaN where there is none to be stored. A point at column ``u`` of the left
+        picture lies at ``u`` less its disparity in the right one, and the other way round at ``u``
+        more.
+
+        Args:
+            camera: one of a pair, left or right.
+            k: the frame.
+
+        Raises:
+            DatasetError: the file is missing or damaged.
+        """
+        paired = {one.id for pair in self.stereo_pairs() for one in (pair.left, pair.right)}
+        if not self.spec.labels.disparity or camera not in paired:
+            return None
+        steps = read_disparity_steps(self.folder, camera, k)
+        found = steps.astype(np.float32) / np.float32(STEPS_PER_PX)
+        found[steps == 0] = np.nan
+        return found
 
     def occupancy(self, k: int) -> Occupancy | None:
         """The voxels of frame ``k``; as :meth:`birds_eye`."""

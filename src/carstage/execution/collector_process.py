@@ -7,7 +7,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -46,7 +46,9 @@ class CollectorProcess:
         plan_path: where the plan is written.
         log_path: file that its standard error is appended to.
         python: interpreter with the ``carla`` wheel that fits the server.
-        module: what it runs; another one speaks the same way (measurements have such clients).
+        module: what it runs; another one speaks the same way (measurements have such clients, and
+            servers that are not CARLA).
+        folders: where Python looks for modules first.
 
     Raises:
         InterpreterError: on entering, where the interpreter cannot be started.
@@ -60,12 +62,14 @@ class CollectorProcess:
         log_path: Path,
         python: str = sys.executable,
         module: str = "carstage.collector",
+        folders: Sequence[str] = (),
     ) -> None:
         self._plan = plan
         self._plan_path = plan_path
         self._log_path = log_path
         self._python = python
         self._module = module
+        self._folders = folders
         self._process: subprocess.Popen[bytes] | None = None
         self._buffer = b""
         self._log_start = 0
@@ -88,7 +92,7 @@ class CollectorProcess:
                     stderr=log,
                     start_new_session=True,
                     # Without one the client crashes, and it makes a folder there.
-                    env={**os.environ, "HOME": str(home_folder())},
+                    env={**os.environ, **self._search_path(), "HOME": str(home_folder())},
                 )
             except OSError as error:
                 # Only what is said of the file is the interpreter's fault: not a lack of memory.
@@ -118,6 +122,13 @@ class CollectorProcess:
                 if stream is not None:
                     with suppress(BrokenPipeError):
                         stream.close()
+
+    def _search_path(self) -> dict[str, str]:
+        """The variable that makes Python look into the folders."""
+        if not self._folders:
+            return {}
+        own = os.environ.get("PYTHONPATH")
+        return {"PYTHONPATH": os.pathsep.join([*self._folders, *([own] if own else [])])}
 
     @property
     def _started(self) -> subprocess.Popen[bytes]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from carstage.config import Config
 from carstage.plan.episodes import EpisodePlan
 from carstage.plan.rig import geometry
+from carstage.plan.stereo import planned_pairs
 from carstage.sensor_kinds import sensor_kind
 from carstage.sensor_kinds.model import VOXELS
 from carstage.spec import EpisodeSpec, ReplaySpec, SensorSpec, StoryboardSpec
@@ -39,6 +40,7 @@ _SMALL_SENSOR_BYTES = 64
 _GRID_BYTES = 2048  # of a bird's-eye grid, beside its cells
 _CELL_BYTES = 0.35
 _VOXEL_BYTES = 0.1
+_DISPARITY_BYTES = 1.0  # of a pixel
 _OCCUPIED = 0.15  # of exact voxels, between houses
 
 # Seconds on a machine with 2 cores of 2.5 GHz: the embedded simulator with all kernels cached.
@@ -185,6 +187,10 @@ def _dataset_bytes(spec: EpisodeSpec) -> int:
             per_frame += _file_bytes(sensor) * _rays(sensor, spec.fps)
         else:
             per_frame += _SMALL_SENSOR_BYTES
+    if spec.labels.disparity:
+        for sensors in (spec.sensors, *(agent.sensors for agent in spec.agents)):
+            for pair in planned_pairs(sensors):
+                per_frame += 2 * _DISPARITY_BYTES * pair.left.width * pair.left.height
     views = 1 + len(spec.agents)
     if spec.labels.birds_eye is not None:
         asked = spec.labels.birds_eye

@@ -33,6 +33,7 @@ from carstage.plan.sampling import Sampling
 from carstage.plan.scenario import plan_scenario
 from carstage.plan.sources import Source
 from carstage.plan.starts import plan_start
+from carstage.plan.stereo import planned_pairs
 from carstage.spec import (
     BirdsEyeSpec,
     EgoSpec,
@@ -82,6 +83,7 @@ def plan_episodes(
     if isinstance(recording, Drive):
         check_drive(config, recording)
     check_offered(config.without_variants(), facts, recording)
+    _check_stereo(config)
     _check_samples_offered(config, facts, recording)
     _check_variants_offered(config, facts, recording)
     planners = _planners_of(config, facts, recording)
@@ -98,6 +100,24 @@ def plan_episodes(
         ids.append(texts[place].episode_id(spec))
         needs[number] = costs[place].of(spec)
     return EpisodePlan(make, np.arange(config.planned_episodes), tuple(ids), needs)
+
+
+def _check_stereo(config: Config) -> None:
+    """Refuse disparity where no rig has a stereo pair.
+
+    Raises:
+        ConfigError: names the field.
+    """
+    if not config.labels.disparity:
+        return
+    views = [config, *map(config.as_variant, config.variants)]
+    rigs = [view for one in views for view in (one, *map(one.seen_by, one.agents))]
+    if not any(planned_pairs(plan_sensors(rig)) for rig in rigs):
+        raise ConfigError(
+            "labels.disparity: the rig has no rectified stereo pair.",
+            "It takes two labelled colour cameras without distortion, of equal size, lens and "
+            "direction, one to the right of the other.",
+        )
 
 
 def _planners_of(

@@ -21,6 +21,7 @@ from carstage.errors import DatasetError
 from carstage.geometry import transform_points
 from carstage.report import html
 from carstage.report.birds_eye import birds_eye_section
+from carstage.report.disparity import disparity_section
 from carstage.report.drawing import (
     RgbColour,
     birds_eye_view,
@@ -87,6 +88,7 @@ def episode_section(pictures: EpisodePictures, *, films: bool = False) -> str:
         )
     parts += [lane_lines_section(episode, middle), birds_eye_section(episode, middle)]
     parts += [occupancy_section(episode, middle), patches_section(episode, middle)]
+    parts.append(disparity_section(episode, middle))
     parts += [_events(episode), _rig(episode), fleet_section(episode), _agents_views(pictures)]
     parts += [messages_section(episode), _ledger(episode)]
     return "\n".join(parts)

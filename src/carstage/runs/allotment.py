@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 import psutil
 
 from carstage.config import Config, check_config, dump_config
-from carstage.config.servers import CarlaServerConfig, RemoteServerConfig
+from carstage.config.servers import CarlaServerConfig, ClassServerConfig, RemoteServerConfig
 from carstage.errors import BadInputError
 from carstage.execution.slots import MOST_WORKERS
 from carstage.server import check_ports_free
@@ -84,7 +84,7 @@ def number_of_workers(config: Config, wanted: Workers, machine: Machine | None =
     """How many workers there are to be.
 
     ``auto``: with the embedded simulator one for each core as far as the memory lasts; with CARLA
-    one for each graphics card; on a server that runs already, one.
+    one for each graphics card; on a server that runs already or of a class of the user's, one.
 
     Args:
         config: what is recorded.
@@ -107,6 +107,8 @@ def number_of_workers(config: Config, wanted: Workers, machine: Machine | None =
         if not 1 <= wanted <= MOST_WORKERS:
             raise BadInputError(f"workers: {wanted} is not from 1 to {MOST_WORKERS}.")
         return wanted
+    if isinstance(server, ClassServerConfig):
+        return 1
     is_carla = isinstance(server, CarlaServerConfig)
     machine = machine or Machine.here(cards=is_carla)
     by_memory = machine.memory_bytes // (_CARLA_BYTES if is_carla else _WORKER_BYTES)
@@ -121,7 +123,7 @@ def check_ports(config: Config, workers: int) -> None:
         BadInputError: names the port.
     """
     server = config.server
-    if isinstance(server, RemoteServerConfig) or server.port == "auto":
+    if isinstance(server, RemoteServerConfig | ClassServerConfig) or server.port == "auto":
         return
     last = server.port + workers * BLOCK - 1
     if last > _LAST_PORT:
@@ -155,7 +157,7 @@ def config_of_worker(
         server["threads"] = cores
     if conversion["workers"] == "auto":
         conversion["workers"] = min(cores, _MOST_CONVERTERS)
-    if server["port"] != "auto":
+    if server.get("port", "auto") != "auto":
         server["port"] += (number - 1) * BLOCK
     if is_carla and machine.cards > 1 and wanted_card(server["arguments"]) is None:
         card = (number - 1) % machine.cards

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from carstage.config import Config
+from carstage.config.servers import RemoteServerConfig
 from carstage.errors import (
     BadInputError,
     CarStageError,
@@ -32,7 +33,6 @@ from carstage.plan import EpisodePlan, ServerFacts, plan_episodes
 from carstage.plan.estimate import costs_of, estimate_run
 from carstage.rawlog.writing import write_episode_file
 from carstage.releases import refusal
-from carstage.runs.asking import ask_server
 from carstage.runs.attempt_commit import AttemptCommit, Job
 from carstage.runs.cataloguing import run_catalog
 from carstage.runs.commit_queue import CommitQueue
@@ -51,6 +51,7 @@ from carstage.runs.run_session import RunSession
 from carstage.runs.wakeup_pipe import WakeupPipe
 from carstage.sensor_kinds import plugins_of, registered_kinds
 from carstage.server import ClientPython, find_client, probe_version
+from carstage.server.asking import ask_server
 from carstage.spec import EpisodeSpec, SpecError, Stand
 from carstage.spec.scenario import RecordedSpec
 from carstage.storage import RemotePath, Store, open_store
@@ -137,6 +138,7 @@ def record_beside(
         check_open_files()
         store.check()
         _check_room(asked, ask_server(host, port, version, patience_s), place, store)
+        assert isinstance(config.server, RemoteServerConfig)
         server_python = config.server.client_python, config.server.create_client_env
         client = find_client(version, server_python[0], create=server_python[1])
         follow = stack.enter_context(run_catalog(catalog, store.root, notice))

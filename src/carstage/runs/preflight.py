@@ -25,7 +25,12 @@ from carstage.config.scene import (
     ScenicScenario,
     map_name,
 )
-from carstage.config.servers import CarlaServerConfig, EmbeddedServerConfig, RemoteServerConfig
+from carstage.config.servers import (
+    CarlaServerConfig,
+    ClassServerConfig,
+    EmbeddedServerConfig,
+    RemoteServerConfig,
+)
 from carstage.errors import BadInputError, ConfigError
 from carstage.files.hashing import hash_of
 from carstage.files.home import without_tilde
@@ -77,7 +82,7 @@ def check_before_server(config: Config, *, offline: bool = False) -> None:
     check_codecs(config)
     if not (offline and isinstance(config.server, RemoteServerConfig)):
         check_server(config)
-    if config.server.client_python != AUTO:
+    if not isinstance(config.server, ClassServerConfig) and config.server.client_python != AUTO:
         check_interpreter(without_tilde(config.server.client_python))
     own_maps(config)
     check_patch_files(config)

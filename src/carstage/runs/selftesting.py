@@ -15,12 +15,12 @@ from carstage.config import Config
 from carstage.errors import CarStageError, CollectorError, RawLogError, ServerError
 from carstage.execution import CollectorProcess
 from carstage.releases import NEWEST, is_newer
-from carstage.runs.asking import ask_server, ask_spawn_points
 from carstage.runs.interruption import GIVE_BACK_S, Interruption
 from carstage.runs.preflight import check_server
 from carstage.runs.servers import ServerSetup
 from carstage.selftest import Verdict, failed_verdict, judge_log, plan_self_test
 from carstage.server import ClientPython, Endpoint
+from carstage.server.asking import ask_server, ask_spawn_points
 from carstage.spec import EpisodeSpec
 
 EPISODE_ID = "selftest"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from carstage.cache import cache_folder
 from carstage.config import Config
-from carstage.config.servers import CarlaServerConfig, EmbeddedServerConfig, RemoteServerConfig
+from carstage.config.servers import ClassServerConfig, RemoteServerConfig
 from carstage.errors import BadInputError
 from carstage.files.locks import take_lock
 
@@ -20,7 +20,9 @@ def server_key(config: Config) -> str:
     if isinstance(server, RemoteServerConfig):
         host = "127.0.0.1" if server.host == "localhost" else server.host
         return f"{host}:{server.port}"
-    return "here" if server.port == "auto" else f"127.0.0.1:{server.port}"
+    if isinstance(server, ClassServerConfig) or server.port == "auto":
+        return "here"
+    return f"127.0.0.1:{server.port}"
 
 
 @contextmanager
@@ -37,8 +39,8 @@ def server_lock(config: Config, folder: Path | None = None) -> Iterator[None]:
     Raises:
         BadInputError: another run on this machine has it.
     """
-    key, server = server_key(config), config.server
-    if isinstance(server, EmbeddedServerConfig | CarlaServerConfig) and server.port == "auto":
+    key = server_key(config)
+    if key == "here":
         yield
         return
     folder = (folder or cache_folder()) / "locks"

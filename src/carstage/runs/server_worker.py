@@ -211,12 +211,16 @@ class ServerWorker:
 
     def _record(self, attempt_commit: AttemptCommit, endpoint: Endpoint) -> int:
         """Record the attempt; returns the number of its incomplete ticks."""
+        server = self._server
+        assert server is not None
         name = f"{attempt_commit.job.episode_id}-{attempt_commit.attempt}"
         collector = CollectorProcess(
             self._plan(attempt_commit, endpoint),
             plan_path=self._folder.logs / f"collector-plan-{name}.json",
             log_path=self._folder.logs / "collector.log",
             python=self._python,
+            module=server.collector,
+            folders=self._setup.collector_folders,
         )
         last_words: dict[str, Any] = {}
         incomplete_ticks: int | None = None
@@ -227,7 +231,7 @@ class ServerWorker:
             if endpoint.pid is not None:
                 kill_server = partial(os.killpg, endpoint.pid, signal.SIGKILL)
                 stack.enter_context(self._interruption.kills(kill_server))
-            watch = stack.enter_context(self._watch(endpoint, collector))
+            watch = stack.enter_context(self._watch(server, endpoint, collector))
             call_s, load_s = self._timeouts_s(attempt_commit.job.spec)
             # The longest stretch without an event: the map is loaded, with other calls around it.
             stall_s = max(_STALL_S, load_s + 2 * call_s)
@@ -254,8 +258,11 @@ class ServerWorker:
             )
         return incomplete_ticks
 
-    def _watch(self, endpoint: Endpoint, collector: CollectorProcess) -> AttemptWatch:
-        return AttemptWatch(endpoint, collector.pid, Limits.of(self._setup.supervision))
+    def _watch(
+        self, server: Server, endpoint: Endpoint, collector: CollectorProcess
+    ) -> AttemptWatch:
+        limits = Limits.of(self._setup.supervision)
+        return AttemptWatch(endpoint, collector.pid, limits, ask=server.probe)
 
     def _owns_server(self) -> bool:
         return self._server is not None and self._server.endpoint.pid is not None

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -13,13 +14,17 @@ from carstage.config.explain import error_of
 from carstage.config.output import Output
 from carstage.config.own_maps import OwnMap, map_sources, own_maps
 from carstage.config.scene import OpenScenarioScenario, ScenicScenario
-from carstage.config.servers import CarlaServerConfig, EmbeddedServerConfig, RemoteServerConfig
+from carstage.config.servers import (
+    CarlaServerConfig,
+    ClassServerConfig,
+    EmbeddedServerConfig,
+    RemoteServerConfig,
+)
 from carstage.config.supervision import Supervision
 from carstage.errors import BadInputError, ServerError
 from carstage.files.home import without_tilde
 from carstage.plan import ServerFacts
 from carstage.releases import refusal
-from carstage.runs.asking import ask_server
 from carstage.runs.programs import program_plan
 from carstage.server import (
     ANY_PORTS,
@@ -33,6 +38,7 @@ from carstage.server import (
     ask_embedded,
     describe_embedded,
     find_client,
+    load_server,
 )
 
 #: Steps before the first saved one from which sensors are listened to. The embedded simulator's
@@ -67,7 +73,14 @@ def make_server(config: Config, log_path: Path | None, ports: PortRange = ANY_PO
             log_path=log_path,
             ports=ports,
         )
+    if isinstance(server, ClassServerConfig):
+        return load_server(server.name, _absolute(server.folders), server.parameters, log_path)
     return RemoteServer(server.host, server.port)
+
+
+def _absolute(folders: Iterable[str]) -> list[str]:
+    """Folders of the user, each once."""
+    return list(dict.fromkeys(str(without_tilde(folder).absolute()) for folder in folders))
 
 
 def spawn_points_of(name: str, own: OwnMap) -> int:
@@ -151,11 +164,15 @@ class ServerSetup:
     def driver_folders(self) -> list[str]:
         """Where the collector looks for classes that drive, absolute; none for other drivers."""
         drivers = [driver for _, driver in self._config.located_drivers()]
-        folders = [
+        return _absolute(
             f for driver in drivers if isinstance(driver, ClassDriver) for f in driver.folders
-        ]
-        absolute = [str(without_tilde(folder).absolute()) for folder in folders]
-        return list(dict.fromkeys(absolute))
+        )
+
+    @property
+    def collector_folders(self) -> list[str]:
+        """Where Python looks for the collector's module first; none where it is Car-STAGE's."""
+        server = self._config.server
+        return _absolute(server.folders) if isinstance(server, ClassServerConfig) else []
 
     @property
     def program(self) -> dict[str, Any]:
@@ -196,13 +213,15 @@ class ServerSetup:
 
     @property
     def tested(self) -> bool:
-        """Whether the server is tested before the run."""
-        return self._config.server.self_test != "off"
+        """Whether the server is tested before the run; one that is not CARLA cannot be."""
+        server = self._config.server
+        return not isinstance(server, ClassServerConfig) and server.self_test != "off"
 
     @property
     def must_pass(self) -> bool:
         """Whether a server that fails its self-test is refused."""
-        return self._config.server.self_test == "require"
+        server = self._config.server
+        return not isinstance(server, ClassServerConfig) and server.self_test == "require"
 
     @property
     def client(self) -> ClientPython:
@@ -227,9 +246,9 @@ class ServerSetup:
                 self._client = self._find_client(server.carla_version)
                 facts = embedded_facts(server.carla_version, own_maps(self._config))
             else:
-                endpoint = self.warm_up(None)
-                self._client = self._find_client(endpoint.version)
-                facts = ask_server(endpoint.host, endpoint.port, endpoint.version)
+                self._client = self._find_client(self.warm_up(None).version)
+                assert self._warm is not None
+                facts = self._warm.facts()
             yield facts
         except KeyboardInterrupt:
             if self._warm is not None:
@@ -241,6 +260,8 @@ class ServerSetup:
 
     def _find_client(self, version: str) -> ClientPython:
         server = self._config.server
+        if isinstance(server, ClassServerConfig):
+            return ClientPython(Path(sys.executable), version)
         sensors = self._config.sensors_of_all_variants()
         reason = refusal(version, {sensor.kind: sensor.row.since for _, sensor in sensors})
         if reason:

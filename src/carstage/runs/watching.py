@@ -16,7 +16,7 @@ import psutil
 
 from carstage.config.supervision import Supervision
 from carstage.errors import CarStageError, CollectorError, ServerError
-from carstage.server import Endpoint, probe_version
+from carstage.server import Endpoint
 
 _LOOK_EVERY_S = 2.0
 _ASK_EVERY_S = 4.0
@@ -76,7 +76,7 @@ class AttemptWatch:
         collector_pid: int,
         limits: Limits,
         *,
-        ask: Callable[[str, int], str] = probe_version,
+        ask: Callable[[], str],
         clock_s: Callable[[], float] = time.monotonic,
         cpu_s: Callable[[int], float] | None = None,
         look_every_s: float = _LOOK_EVERY_S,
@@ -145,7 +145,7 @@ class AttemptWatch:
         if self._computes(passed_s):
             self._computed_s = now_s
         try:
-            self._ask(self._endpoint.host, self._endpoint.port)
+            self._ask()
         except ServerError as error:
             self._silences += 1
             now_s = self._clock_s()

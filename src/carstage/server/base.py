@@ -8,6 +8,9 @@ from types import TracebackType
 from typing import ClassVar
 
 from carstage.errors import ServerError
+from carstage.plan import ServerFacts
+from carstage.server.asking import ask_server
+from carstage.server.probe import probe_version
 
 TAIL_LINES = 20
 
@@ -20,7 +23,7 @@ class Endpoint:
         host: its address.
         port: its RPC port.
         traffic_manager_port: a port of this machine that the client's Traffic Manager may take.
-        version: the CARLA version that it reports.
+        version: the CARLA version that it reports, or whose numbers its data use.
         pid: its process id, which is its process group's; None when we did not start it.
     """
 
@@ -32,13 +35,21 @@ class Endpoint:
 
 
 class Server(ABC):
-    """A CARLA server; ``with`` starts it and stops it on every way out.
+    """A server that a run records from; ``with`` starts it and stops it on every way out.
 
     :meth:`start` returns only when the server answers. :meth:`stop` may be called at any time, any
-    number of times, also when starting failed.
+    number of times, also when starting failed. What :meth:`probe` and :meth:`facts` do here, and
+    the collector named here, speak CARLA's protocol. A server that does not has its own.
+
+    Attributes:
+        kind: its name in events and messages.
+        collector: the module that records from it, run as a process: it takes the collector's plan,
+            prints its events (docs/formats/run-folder.md) and writes a raw log
+            (docs/formats/raw-log.md).
     """
 
     kind: ClassVar[str]
+    collector: ClassVar[str] = "carstage.collector"
 
     def __init__(self) -> None:
         self._endpoint: Endpoint | None = None
@@ -63,6 +74,23 @@ class Server(ABC):
     @abstractmethod
     def alive(self) -> bool:
         """Whether it still runs, as far as this process can see."""
+
+    def probe(self) -> str:
+        """Ask it for its version: a run does so every few seconds, from a thread of its own.
+
+        Raises:
+            ServerError: it does not answer.
+        """
+        return probe_version(self.endpoint.host, self.endpoint.port)
+
+    def facts(self) -> ServerFacts:
+        """What it offers, asked once it is started: maps, blueprints, whose numbers it uses.
+
+        Raises:
+            ServerError: it does not answer.
+        """
+        endpoint = self.endpoint
+        return ask_server(endpoint.host, endpoint.port, endpoint.version)
 
     @abstractmethod
     def log_tail(self, lines: int = TAIL_LINES) -> str:

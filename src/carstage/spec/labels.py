@@ -109,6 +109,7 @@ class LabelsSpec:
         birds_eye: bird's-eye grids; None: there are none.
         occupancy: voxels; None: there are none.
         lane_lines: whether lines of the vector map are labelled in pictures.
+        disparity: whether stereo pairs get their disparity.
     """
 
     method: str = "both"
@@ -123,6 +124,7 @@ class LabelsSpec:
     birds_eye: Optional[BirdsEyeSpec] = field(default=None, metadata=LEFT_OUT)
     occupancy: Optional[OccupancySpec] = field(default=None, metadata=LEFT_OUT)
     lane_lines: bool = field(default=False, metadata=LEFT_OUT)
+    disparity: bool = field(default=False, metadata=LEFT_OUT)
 
     @classmethod
     def read(cls, fields: Fields) -> LabelsSpec:
@@ -151,6 +153,7 @@ class LabelsSpec:
             if "occupancy" in fields
             else None,
             lane_lines="lane_lines" in fields and fields.flag("lane_lines"),
+            disparity="disparity" in fields and fields.flag("disparity"),
         )
 
     @property

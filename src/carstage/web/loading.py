@@ -19,7 +19,7 @@ _MODULES = (
     "carstage.annotation.schema",
     "carstage.runs.servers",
     "carstage.runs.preflight",
-    "carstage.runs.asking",
+    "carstage.server.asking",
     "carstage.runs.server_lock",
     "carstage.runs.launching",
     "carstage.execution",

@@ -14,7 +14,7 @@ from analytic_dataset import SIZE, make_dataset
 from carstage.dataset import Dataset
 from carstage.errors import BadInputError
 from carstage.exporters import ExportOptions, export_dataset
-from carstage.exporters.formats.kitti_stereo import disparity, seen_by_both
+from carstage.geometry.stereo import disparity_steps, seen_by_both
 from carstage.testing.exporter import ExporterTests
 
 WIDTH, HEIGHT = SIZE
@@ -123,14 +123,14 @@ def test_cameras_that_are_no_pair_are_refused(
 
 def test_a_disparity_that_does_not_fit_is_none() -> None:
     depth = np.array([[0.1, 1.0, 100.0, 1000.0]], np.float32)
-    assert disparity(depth, 500.0, 0.5).tolist() == [[0, 64000, 640, 0]]
+    assert disparity_steps(depth, 500.0, 0.5).tolist() == [[0, 64000, 640, 0]]
 
 
 def test_what_stands_before_hides_from_the_right_camera() -> None:
     left = np.full((1, 8), 10.0, np.float32)
     right = np.full((1, 8), 10.0, np.float32)
     right[0, :4] = 2.0
-    steps = disparity(left, 20.0, 0.5)  # one pixel
+    steps = disparity_steps(left, 20.0, 0.5)  # one pixel
     assert seen_by_both(steps, left, right).tolist() == [
         [False, False, False, False, True, True, True, True]
     ]

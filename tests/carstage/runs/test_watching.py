@@ -37,11 +37,11 @@ class Answers:
         self.left = count
         self.asked = 0
 
-    def __call__(self, host: str, port: int) -> str:
+    def __call__(self) -> str:
         self.asked += 1
         self.left -= 1
         if self.left < 0:
-            raise ServerError(f"No CARLA server answers at {host}:{port}: timed out.")
+            raise ServerError("No CARLA server answers: timed out.")
         return "0.9.16"
 
 

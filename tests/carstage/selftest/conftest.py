@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from carstage.runs.asking import ask_server, ask_spawn_points
 from carstage.selftest.evidence import Evidence, read_evidence
 from carstage.selftest.scene_setup import plan_self_test
 from carstage.server import free_port
+from carstage.server.asking import ask_server, ask_spawn_points
 from running_simulator import RunningSimulator
 
 END_S = 120.0

@@ -123,6 +123,18 @@ def test_classes_that_a_request_names_do_not_drive(site: Site, demo: dict[str, A
     assert answer.status_code == 422
 
 
+def test_classes_that_a_request_names_start_no_server(site: Site, demo: dict[str, Any]) -> None:
+    server = {"kind": "class", "name": "os:_exit"}
+    config = {**demo, "server": server}
+    check = site.client.post("/api/config/check", json={"config": config}).json()
+    assert [error["path"] for error in check["errors"]] == [["server", "name"]]
+    answer = site.client.post("/api/runs", json={"config": config, "dataset": "new"})
+    assert answer.status_code == 422
+    tested = site.client.post("/api/server/check", json={"server": server}).json()
+    assert not tested["ok"]
+    assert "runs its code" in tested["message"]
+
+
 @pytest.mark.parametrize(
     "scenario",
     [

@@ -140,13 +140,19 @@ class LogFiles:
             file.close()
 
 
-def log_metadata(split: str, log_name: str, location: str) -> dict[str, Any]:
-    """What ``sync.arrow`` says of its log; the dataset's name is the first word of the split."""
+DATASET: Final = "carstage"
+"""The dataset's name in 123D, the first word of its splits."""
+
+
+def log_metadata(
+    split: str, log_name: str, location: str, town: Mapping[str, Any] | None
+) -> dict[str, Any]:
+    """What ``sync.arrow`` says of its log, and of its map where there is one."""
     return {
-        "dataset": split.partition("_")[0],
+        "dataset": DATASET,
         "split": split,
         "log_name": log_name,
         "location": location,
         "version": FORMAT,
-        "map_metadata": None,
+        "map_metadata": None if town is None else dict(town),
     }

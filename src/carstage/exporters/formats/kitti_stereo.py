@@ -20,36 +20,42 @@ from carstage.exporters.formats.kitti_object import part_of
 from carstage.exporters.formats.pictures import copy_as_png
 from carstage.exporters.options import ExportOptions
 from carstage.exporters.rigs import colour_cameras
-from carstage.geometry import FloatArray, invert_pose
+from carstage.geometry import FloatArray
+from carstage.geometry.stereo import (
+    STEPS_PER_PX,
+    StereoCamera,
+    disparity_steps,
+    seen_by_both,
+    stereo_baseline_m,
+)
 
-STEPS_PER_PX: Final = 256.0
-"""A disparity of d px is stored as 256 d; 0 is no disparity."""
 _FOLDERS: Final = ("image_2", "image_3", "disp_occ_0", "disp_noc_0", "calib_cam_to_cam")
-_FARTHEST_M: Final = 999.0
-"""CARLA's depth ends at 1000 m: there is nothing."""
-_SAME_M, _SAME_ROTATION = 1e-4, 1e-6
-_SLACK_M, _SLACK_SHARE = 0.05, 0.01
+
+Depth = NDArray[np.float32]
+"""``(H, W)`` m."""
 
 
 @dataclass(frozen=True, slots=True)
 class StereoPair:
-    """Two cameras side by side, with their depth.
+    """Two cameras side by side, with their depth or disparity.
 
     Attributes:
-        left, right: of equal intrinsics; both have a depth camera in the dataset.
+        left, right: of equal intrinsics.
         baseline_m: distance of the two.
+        labelled: whether disparity is among the labels; else both have a depth camera.
     """
 
     left: SensorCalibration
     right: SensorCalibration
     baseline_m: float
+    labelled: bool
 
 
 def stereo_pair(episode: Episode, options: ExportOptions) -> StereoPair:
     """The pair that the options name, left first, or the first one of the rig.
 
     Raises:
-        BadInputError: there is none, or it has no depth.
+        BadInputError: there is none, or it has neither disparity nor depth.
     """
     cameras = colour_cameras(episode, options, labelled=False, pinholes=True)
     for left in cameras[:1] if options.cameras else cameras:
@@ -57,14 +63,15 @@ def stereo_pair(episode: Episode, options: ExportOptions) -> StereoPair:
             baseline_m = _baseline_m(left, right)
             if baseline_m is None:
                 continue
+            labelled = _has_labels(episode, (left, right))
             for one in (left, right):
-                if one.depth is None:
+                if one.depth is None and not labelled:
                     raise BadInputError(
                         f"Episode {episode.id}: {one.id} has no depth camera beside it.",
-                        "Record a sensor of kind depth with the pose and attributes of each of "
-                        "the two, and label both cameras.",
+                        "Record with labels.disparity: true. Or record a sensor of kind depth with "
+                        "the pose and attributes of each of the two, and label both cameras.",
                     )
-            return StereoPair(left, right, baseline_m)
+            return StereoPair(left, right, baseline_m, labelled)
     raise BadInputError(
         f"Episode {episode.id} has no rectified stereo pair.",
         "It takes two cameras of equal lenses and directions, one to the right of the other; "
@@ -74,50 +81,20 @@ def stereo_pair(episode: Episode, options: ExportOptions) -> StereoPair:
 
 def _baseline_m(left: SensorCalibration, right: SensorCalibration) -> float | None:
     """How far the right camera is to the right of the left one; None: they are no pair."""
-    same = (left.width, left.height) == (right.width, right.height) and np.allclose(left.k, right.k)
-    if not (same and left.on_ego and right.on_ego):
+    if not (left.on_ego and right.on_ego):
         return None
-    apart = invert_pose(left.ego_from_sensor) @ right.ego_from_sensor
-    ahead, beside, up = apart[:3, 3].tolist()
-    level = abs(ahead) < _SAME_M and abs(up) < _SAME_M and beside > _SAME_M
-    return beside if level and np.allclose(apart[:3, :3], np.eye(3), atol=_SAME_ROTATION) else None
-
-
-def disparity(
-    depth_m: NDArray[np.float32], focal_px: float, baseline_m: float
-) -> NDArray[np.uint16]:
-    """The left picture's disparity, in 256ths of a pixel; 0 where there is none to be stored.
-
-    Args:
-        depth_m: ``(H, W)`` depth along the optical axis.
-        focal_px: of both cameras.
-        baseline_m: distance of the two.
-    """
-    with np.errstate(divide="ignore"):
-        steps = np.rint(STEPS_PER_PX * focal_px * baseline_m / depth_m.astype(np.float64))
-    fits = (depth_m < _FARTHEST_M) & (steps >= 1.0) & (steps <= np.iinfo(np.uint16).max)
-    return np.where(fits, steps, 0.0).astype(np.uint16)
-
-
-def seen_by_both(
-    steps: NDArray[np.uint16], depth_m: NDArray[np.float32], right_depth_m: NDArray[np.float32]
-) -> NDArray[np.bool_]:
-    """``(H, W)`` which of the left picture's pixels the right camera sees, too.
-
-    What counts is the farthest of the right picture's pixel and its two neighbours in the row.
-
-    Args:
-        steps: disparity in 256ths of a pixel.
-        depth_m, right_depth_m: ``(H, W)`` of both cameras.
-    """
-    height, width = steps.shape
-    row, column = np.mgrid[:height, :width]
-    there = np.floor(column + 0.5 - steps / STEPS_PER_PX).astype(np.int64)
-    inside = (there >= 0) & (steps > 0)
-    farthest = np.max(
-        [right_depth_m[row, np.clip(there + k, 0, width - 1)] for k in (-1, 0, 1)], axis=0
+    found = (
+        StereoCamera(one.id, one.attach_to, one.width, one.height, one.k, one.ego_from_sensor)
+        for one in (left, right)
     )
-    return np.asarray(inside & (depth_m <= farthest * (1.0 + _SLACK_SHARE) + _SLACK_M))
+    return stereo_baseline_m(*found)
+
+
+def _has_labels(episode: Episode, pair: tuple[SensorCalibration, SensorCalibration]) -> bool:
+    """Whether the episode has the disparity of a pair as labels."""
+    ids = tuple(one.id for one in pair)
+    labelled = {(found.left.id, found.right.id) for found in episode.stereo_pairs()}
+    return episode.spec.labels.disparity and ids in labelled
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,14 +123,13 @@ class StereoWriter:
     def __call__(self, frame: Frame, folder: Path) -> StereoPart | None:
         """Write the frame; ``None`` where one of the four pictures is missing."""
         left, right = self.pair.left, self.pair.right
-        names = (left.id, right.id, left.depth or "", right.depth or "")
-        if not all(frame.has(name) for name in names):
+        depths = () if self.pair.labelled else (left.depth or "", right.depth or "")
+        if not all(frame.has(name) for name in (left.id, right.id, *depths)):
             return None
         name, part = f"{self.first_number + frame.k:06d}", folder / self.part
         for camera, place in ((left, "image_2"), (right, "image_3")):
             copy_as_png(frame, camera.id, part / place / f"{name}_10.png")
-        depth_m, right_depth_m = frame.read(names[2]), frame.read(names[3])
-        steps = disparity(depth_m, float(left.k[0, 0]), self.pair.baseline_m)
+        steps, depth_m, right_depth_m = self._measured(frame)
         both = np.where(seen_by_both(steps, depth_m, right_depth_m), steps, 0).astype(np.uint16)
         packer = PngPacker()
         for place, content in (("disp_occ_0", steps), ("disp_noc_0", both)):
@@ -161,6 +137,21 @@ class StereoWriter:
         text = "".join(f"{key}: {numbers(value)}\n" for key, value in _calibration(self.pair))
         (part / "calib_cam_to_cam" / f"{name}.txt").write_text(text, "ascii")
         return StereoPart(name, frame.k, frame.timestamp_s)
+
+    def _measured(self, frame: Frame) -> tuple[NDArray[np.uint16], Depth, Depth]:
+        """The left picture's disparity, and the depth of both."""
+        left, right = self.pair.left, self.pair.right
+        focal_baseline = float(left.k[0, 0]) * self.pair.baseline_m
+        if self.pair.labelled:
+            found = [frame.episode.disparity(one.id, frame.k) for one in (left, right)]
+            disparities = [np.nan_to_num(one) for one in found if one is not None]
+            steps = np.rint(disparities[0] * STEPS_PER_PX).astype(np.uint16)
+            with np.errstate(divide="ignore"):
+                depth_m, right_depth_m = (focal_baseline / one for one in disparities)
+            return steps, depth_m.astype(np.float32), right_depth_m.astype(np.float32)
+        depth_m, right_depth_m = frame.read(left.depth or ""), frame.read(right.depth or "")
+        steps = disparity_steps(depth_m, float(left.k[0, 0]), self.pair.baseline_m)
+        return steps, depth_m, right_depth_m
 
 
 def _calibration(pair: StereoPair) -> list[tuple[str, FloatArray]]:

@@ -10,7 +10,8 @@ from typing import Any, ClassVar
 from carstage.dataset import Episode
 from carstage.dataset.saved_frames import Frame
 from carstage.exporters.exporter import Exporter, register
-from carstage.exporters.formats.files_123d import LogFiles, log_metadata
+from carstage.exporters.formats.files_123d import DATASET, FORMAT, LogFiles, log_metadata
+from carstage.exporters.formats.map_123d import map_metadata, write_map
 from carstage.exporters.formats.modalities_123d import frame_rows, microseconds, rig_of
 from carstage.exporters.options import ExportOptions
 
@@ -69,17 +70,41 @@ class Logs123d(Exporter):
         for episode in episodes:
             rig_of(episode, self.options)
         self._folder = folder
+        self._towns: dict[str, str] = {}
 
     def begin_episode(self, episode: Episode) -> RowWriter:
         """Make the log's folder."""
         rig = rig_of(episode, self.options)
-        split = f"carstage_{self.split_of(episode)}"
+        split = f"{DATASET}_{self.split_of(episode)}"
         place = self._folder / "logs" / split / episode.id
         place.mkdir(parents=True)
         town = str(episode.document["map"]).rpartition("/")[2]
-        self._log = LogFiles(place, log_metadata(split, episode.id, town), rig.modalities)
+        about = self._write_map(episode, town, place, split)
+        self._log = LogFiles(place, log_metadata(split, episode.id, town, about), rig.modalities)
         self.files.callback(self._log.close)
         return RowWriter(rig.keys, self.options)
+
+    def _write_map(
+        self, episode: Episode, town: str, place: Path, split: str
+    ) -> dict[str, Any] | None:
+        """Write the episode's map; what is said of it, None where there is none.
+
+        A town's first map is that of all logs there. A log of another map by the same name has it
+        in its own folder, where py123d looks first.
+        """
+        file = episode.vector_map_file
+        found = episode.vector_map()
+        if file is None or found is None:
+            return None
+        about = map_metadata(DATASET, town, FORMAT)
+        path = self._folder / "maps" / DATASET / f"{DATASET}_{town}.arrow"
+        if self._towns.setdefault(town, file.name) != file.name:
+            path = place / "map.arrow"
+            about |= {"split": split, "log_name": episode.id, "map_is_per_log": True}
+        if not path.exists():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_map(found, path, about)
+        return about
 
     def add(self, part: FramePart) -> None:
         """Append the frame's rows."""

@@ -62,6 +62,7 @@ GROUPS: Final[dict[str, dict[str, str]]] = {
         "birds_eye": "bird's-eye grids are what map, boxes, depth images and points make them",
         "occupancy": "voxels agree with boxes, and explain depth images and points",
         "lane_lines": "lines in pictures are what vector map, poses and depth images make them",
+        "disparity": "disparity is focal length times baseline by depth; both pictures agree",
         "patches": "outlines of patches are what corners, poses and depth images make them",
         "lidar_counts": "boxes hold as many LiDAR points as their labels say",
         "lidar_depth": "LiDAR and depth images see the same surfaces",

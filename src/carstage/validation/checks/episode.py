@@ -36,6 +36,7 @@ from carstage.validation.checks.columns import (
 from carstage.validation.checks.completeness import check_gaps, check_missing_rows
 from carstage.validation.checks.controls import check_controls
 from carstage.validation.checks.decoding import DecodedFrame, decoded_frames
+from carstage.validation.checks.disparity import DisparityChecks
 from carstage.validation.checks.edges import (
     EdgeFigures,
     FrameFit,
@@ -231,6 +232,7 @@ class EpisodeChecks:
         occupancy = OccupancyChecks(episode, tables, self._files, findings)
         lane_lines = LaneLineChecks(episode, findings)
         patches = PatchChecks(episode, findings)
+        disparity = DisparityChecks(episode, self._files, findings)
         with_files = [
             [s for s in episode.sensors if s.content not in ROWS and k in available[s.id]]
             for k in range(episode.frames)
@@ -248,6 +250,7 @@ class EpisodeChecks:
                 occupancy.check(k, recorded_now, data)
                 lane_lines.check(k, data)
                 patches.check(k, data)
+                disparity.check(k, data)
                 self._figures.frames += 1
                 advance()
         self._conclude()

@@ -14,6 +14,7 @@ from carstage.dataset.tables import row_sensor
 from carstage.files.bounded import read_bounded
 from carstage.files.hashing import hash_of
 from carstage.occupancy import occupancy_name
+from carstage.plan.stereo import disparity_name
 from carstage.storage import DatasetPath, RemotePath
 from carstage.storage.fetching import fetched_ahead
 from carstage.storage.names import agent_folder
@@ -186,6 +187,9 @@ def check_file_list(
         promised.update(birds_eye_name(k) for k in range(episode.frames))
     if episode.spec.labels.occupancy is not None:
         promised.update(occupancy_name(k) for k in range(episode.frames))
+    if episode.spec.labels.disparity:
+        cameras = (one.id for pair in episode.stereo_pairs() for one in (pair.left, pair.right))
+        promised.update(disparity_name(one, k) for one in cameras for k in range(episode.frames))
     for sensor in episode.sensors:
         if row_sensor(sensor.kind):
             promised.add(f"sensors/{sensor.id}.parquet")

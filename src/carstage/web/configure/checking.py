@@ -14,6 +14,7 @@ from carstage.web.wording import page_words, problem_in_page_words
 
 if TYPE_CHECKING:
     from carstage.config import Config
+    from carstage.config.servers import ServerConfig
     from carstage.plan import RunEstimate, ServerFacts
 
 _MOST_PLANNED = 200
@@ -134,7 +135,7 @@ class ConfigChecker:
         )
         from carstage.files.home import without_tilde
 
-        _check_interpreter(config.server.client_python)
+        refuse_foreign_code(config.server)
         for field, source in map_sources(config, self._roots.home):
             try:
                 self._roots.confine(str(source))
@@ -214,6 +215,20 @@ def _notes(config: Config) -> list[str]:
     if config.variants:
         notes.append(f"variants: {', '.join(config.variants)}; they are edited as text.")
     return notes
+
+
+def refuse_foreign_code(server: ServerConfig) -> None:
+    """Refuse a server that runs a class of the user's, or an interpreter not found here.
+
+    Raises:
+        ConfigError: it is one.
+    """
+    from carstage.config.servers import ClassServerConfig
+
+    if isinstance(server, ClassServerConfig):
+        message = "a class of yours runs its code, which the page does not."
+        raise _refusal("server", "name", message, "Start this run with `carstage run`.")
+    _check_interpreter(server.client_python)
 
 
 def _check_interpreter(wanted: str) -> None:

@@ -63,7 +63,9 @@ class ServerCheckService:
         from carstage.config.servers import EmbeddedServerConfig, RemoteServerConfig
         from carstage.runs.preflight import check_server
         from carstage.server import find_client
+        from carstage.web.configure.checking import refuse_foreign_code
 
+        refuse_foreign_code(config.server)
         check_server(config)
         server = config.server
         if isinstance(server, EmbeddedServerConfig):
@@ -79,8 +81,8 @@ class ServerCheckService:
                 client=f"carla {client.client}",
             )
         if isinstance(server, RemoteServerConfig):
-            from carstage.runs.asking import ask_server
             from carstage.server import probe_version
+            from carstage.server.asking import ask_server
 
             version = probe_version(server.host, server.port)
             facts = ask_server(server.host, server.port, version, _ANSWER_S)

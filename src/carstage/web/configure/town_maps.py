@@ -53,7 +53,7 @@ class TownMapService:
         )
 
     def _of_remote(self, name: str, server: RemoteServerConfig) -> TownMap:
-        from carstage.runs.asking import ask_spawn_points
+        from carstage.server.asking import ask_spawn_points
 
         try:
             loaded, points = ask_spawn_points(server.host, server.port, _ANSWER_S)

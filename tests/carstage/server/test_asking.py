@@ -14,8 +14,8 @@ import pytest
 from carstage.config import parse_config
 from carstage.errors import ServerError
 from carstage.plan import plan_episodes
-from carstage.runs.asking import BUILT_IN, SURELY_THERE, ask_server
 from carstage.runs.servers import ServerSetup
+from carstage.server.asking import BUILT_IN, SURELY_THERE, ask_server
 
 TOWNS = {"Town01": 255, "Town02": 101, "Yard": 7}
 

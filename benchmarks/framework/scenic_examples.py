@@ -1,11 +1,13 @@
 """Do Scenic's own examples for CARLA run as scenarios? The user gives Scenic's folder.
 
 Each program is recorded for some seconds on the embedded simulator, in the town that it names. The
-towns' OpenDRIVE files lie in Scenic's folder. Nothing is fetched.
+towns' OpenDRIVE files lie in Scenic's folder. Nothing is fetched. What was recorded can be kept in
+a file of JSON lines, so that an interrupted run goes on, and several commands share the programs.
 """
 
 from __future__ import annotations
 
+import json
 import re
 import tempfile
 from collections.abc import Callable, Sequence
@@ -74,6 +76,7 @@ def measure_scenic_examples(
     *,
     chosen: Sequence[Path],
     seconds: float = 3.0,
+    done: Path | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> tuple[Verdict, list[Tried]]:
     """Record each program.
@@ -83,16 +86,22 @@ def measure_scenic_examples(
         python: the interpreter that has Scenic.
         chosen: programs.
         seconds: simulated ones of each.
+        done: keeps what was recorded, one JSON object per line; those programs are not run again.
         progress: called with how many are done, of how many.
     """
     tried: list[Tried] = []
+    kept = _read(done, seconds)
     with tempfile.TemporaryDirectory(prefix="carstage-scenic-") as scratch:
         for number, path in enumerate(chosen):
-            for seed in range(TRIES):
+            seeds = range(TRIES)
+            if (before := kept.get(_name(folder, path))) is not None:
+                one, seeds = before, range(0)
+            for seed in seeds:
                 work = Path(scratch) / f"{number}-{seed}"
                 work.mkdir()
                 one = _record(folder, path, python, seconds, seed, work)
                 if one.recorded:
+                    _keep(one, seconds, done)
                     break
             tried.append(one)
             progress(number + 1, len(chosen))
@@ -126,8 +135,26 @@ def rows(tried: Sequence[Tried]) -> list[dict[str, Any]]:
     return [asdict(one) for one in tried]
 
 
+def _name(folder: Path, path: Path) -> str:
+    return path.relative_to(folder / PROGRAMS).as_posix()
+
+
+def _read(done: Path | None, seconds: float) -> dict[str, Tried]:
+    """What another run of as many seconds has recorded, by program."""
+    if done is None or not done.exists():
+        return {}
+    kept = [json.loads(line) for line in done.read_text("utf-8").splitlines()]
+    return {row["program"]: Tried(**row) for row in kept if row.pop("seconds") == seconds}
+
+
+def _keep(one: Tried, seconds: float, done: Path | None) -> None:
+    if done is not None:
+        with done.open("a", encoding="utf-8") as file:
+            file.write(json.dumps({**asdict(one), "seconds": seconds}) + "\n")
+
+
 def _record(folder: Path, path: Path, python: Path, seconds: float, seed: int, work: Path) -> Tried:
-    name = path.relative_to(folder / PROGRAMS).as_posix()
+    name = _name(folder, path)
     config = {
         **_CONFIG,
         "seed": seed,

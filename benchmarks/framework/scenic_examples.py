@@ -135,6 +135,14 @@ def rows(tried: Sequence[Tried]) -> list[dict[str, Any]]:
     return [asdict(one) for one in tried]
 
 
+def _reason(said: str) -> str:
+    """What Scenic says it failed for, else the first error, else the last line."""
+    if reported := _REPORTED.search(said):
+        return reported[1]
+    lines = said.strip().splitlines() or [""]
+    return next((line for line in lines if line.startswith("error:")), lines[-1])
+
+
 def _name(folder: Path, path: Path) -> str:
     return path.relative_to(folder / PROGRAMS).as_posix()
 
@@ -168,9 +176,7 @@ def _record(folder: Path, path: Path, python: Path, seconds: float, seed: int, w
         run_carstage("run", str(work / "config.yaml"), "--out", str(out), "--retries", "0")
         run_carstage("validate", str(out))
     except RuntimeError as error:
-        reported = _REPORTED.search(str(error))
-        last = (str(error).strip().splitlines() or [""])[-1]
-        return Tried(name, "", (reported[1] if reported else last).replace("|", "/")[:200], seed)
+        return Tried(name, "", _reason(str(error)).replace("|", "/")[:200], seed)
     (episode,) = carstage.Dataset(out).episodes
     places = [row["location"] for row in episode.ego().to_pylist()]
     moved_m = sum((a - b) ** 2 for a, b in zip(places[0], places[-1], strict=True)) ** 0.5

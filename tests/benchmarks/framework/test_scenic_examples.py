@@ -68,3 +68,10 @@ def test_a_program_that_failed_is_tried_again(
         verdict, _ = measure_scenic_examples(folder, Path("python"), chosen=chosen, done=done)
         assert not verdict.ok
     assert recorded == ["b", "b"]
+
+
+def test_the_reason_is_an_error_and_not_the_warning_after_it() -> None:
+    said = "NOT valid\nerror: vector_map: lane 1\nwarning: ego_still: the ego moves nowhere"
+    assert scenic_examples._reason(said) == "error: vector_map: lane 1"
+    assert scenic_examples._reason(f"{said}\nthe Scenic program failed: no scene") == "no scene"
+    assert scenic_examples._reason("") == ""

@@ -28,7 +28,7 @@ TRIES = 3
 """Seeds: a program may refuse a scene of its own, as ``require always`` does."""
 FPS = 10
 _MODEL = re.compile(r"^model\s+scenic\.simulators\.carla\.model", re.MULTILINE)
-_REPORTED = re.compile(r"the Scenic program failed: (.*)")
+_REPORTED = re.compile(r"the program failed: (.*)")
 _CONFIG: dict[str, Any] = {
     "fps": FPS,
     "image_size": [64, 36],

@@ -73,5 +73,5 @@ def test_a_program_that_failed_is_tried_again(
 def test_the_reason_is_an_error_and_not_the_warning_after_it() -> None:
     said = "NOT valid\nerror: vector_map: lane 1\nwarning: ego_still: the ego moves nowhere"
     assert scenic_examples._reason(said) == "error: vector_map: lane 1"
-    assert scenic_examples._reason(f"{said}\nthe Scenic program failed: no scene") == "no scene"
+    assert scenic_examples._reason(f"{said}\nthe program failed: no scene") == "no scene"
     assert scenic_examples._reason("") == ""

@@ -20,7 +20,7 @@ def _lights(scene: TrialScene) -> tuple[Any, list[Any]]:
 
 
 @limited("The town's lamps are lights of the group Street; vehicles and buildings have none here. "
-         "A 0.9.13 client keeps the states that it read first.",
+         "Client 0.9.13 reads states once.",
          "World.get_lightmanager", "LightManager.get_all_lights",
          "LightManager.get_turned_on_lights", "LightManager.get_turned_off_lights",
          "LightManager.set_day_night_cycle")  # fmt: skip

@@ -441,6 +441,10 @@ def scenic_examples(
         typer.Option("--only", help="Programs whose path contains this; may be given again; all."),
     ] = None,
     seconds: Annotated[float, typer.Option(min=0.5, help="Simulated, of each program.")] = 3.0,
+    done: Annotated[
+        Path | None,
+        typer.Option(help="File of what was recorded: made, or gone on with; several share it."),
+    ] = None,
     json: Json = False,
 ) -> int:
     """Whether Scenic's own examples for CARLA run as scenarios; nothing is fetched."""
@@ -462,6 +466,6 @@ def scenic_examples(
         return 2
     with watch_steps("Programs", "programs") as progress:
         verdict, tried = measure_scenic_examples(
-            folder, python, chosen=chosen, seconds=seconds, progress=progress
+            folder, python, chosen=chosen, seconds=seconds, done=done, progress=progress
         )
     return report(verdict, json, text(tried), programs=rows(tried))

@@ -1,11 +1,13 @@
 """Do Scenic's own examples for CARLA run as scenarios? The user gives Scenic's folder.
 
 Each program is recorded for some seconds on the embedded simulator, in the town that it names. The
-towns' OpenDRIVE files lie in Scenic's folder. Nothing is fetched.
+towns' OpenDRIVE files lie in Scenic's folder. Nothing is fetched. What was recorded can be kept in
+a file of JSON lines, so that an interrupted run goes on, and several commands share the programs.
 """
 
 from __future__ import annotations
 
+import json
 import re
 import tempfile
 from collections.abc import Callable, Sequence
@@ -26,7 +28,7 @@ TRIES = 3
 """Seeds: a program may refuse a scene of its own, as ``require always`` does."""
 FPS = 10
 _MODEL = re.compile(r"^model\s+scenic\.simulators\.carla\.model", re.MULTILINE)
-_REPORTED = re.compile(r"the Scenic program failed: (.*)")
+_REPORTED = re.compile(r"the program failed: (.*)")
 _CONFIG: dict[str, Any] = {
     "fps": FPS,
     "image_size": [64, 36],
@@ -74,6 +76,7 @@ def measure_scenic_examples(
     *,
     chosen: Sequence[Path],
     seconds: float = 3.0,
+    done: Path | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> tuple[Verdict, list[Tried]]:
     """Record each program.
@@ -83,16 +86,22 @@ def measure_scenic_examples(
         python: the interpreter that has Scenic.
         chosen: programs.
         seconds: simulated ones of each.
+        done: keeps what was recorded, one JSON object per line; those programs are not run again.
         progress: called with how many are done, of how many.
     """
     tried: list[Tried] = []
+    kept = _read(done, seconds)
     with tempfile.TemporaryDirectory(prefix="carstage-scenic-") as scratch:
         for number, path in enumerate(chosen):
-            for seed in range(TRIES):
+            seeds = range(TRIES)
+            if (before := kept.get(_name(folder, path))) is not None:
+                one, seeds = before, range(0)
+            for seed in seeds:
                 work = Path(scratch) / f"{number}-{seed}"
                 work.mkdir()
                 one = _record(folder, path, python, seconds, seed, work)
                 if one.recorded:
+                    _keep(one, seconds, done)
                     break
             tried.append(one)
             progress(number + 1, len(chosen))
@@ -126,8 +135,34 @@ def rows(tried: Sequence[Tried]) -> list[dict[str, Any]]:
     return [asdict(one) for one in tried]
 
 
+def _reason(said: str) -> str:
+    """What Scenic says it failed for, else the first error, else the last line."""
+    if reported := _REPORTED.search(said):
+        return reported[1]
+    lines = said.strip().splitlines() or [""]
+    return next((line for line in lines if line.startswith("error:")), lines[-1])
+
+
+def _name(folder: Path, path: Path) -> str:
+    return path.relative_to(folder / PROGRAMS).as_posix()
+
+
+def _read(done: Path | None, seconds: float) -> dict[str, Tried]:
+    """What another run of as many seconds has recorded, by program."""
+    if done is None or not done.exists():
+        return {}
+    kept = [json.loads(line) for line in done.read_text("utf-8").splitlines()]
+    return {row["program"]: Tried(**row) for row in kept if row.pop("seconds") == seconds}
+
+
+def _keep(one: Tried, seconds: float, done: Path | None) -> None:
+    if done is not None:
+        with done.open("a", encoding="utf-8") as file:
+            file.write(json.dumps({**asdict(one), "seconds": seconds}) + "\n")
+
+
 def _record(folder: Path, path: Path, python: Path, seconds: float, seed: int, work: Path) -> Tried:
-    name = path.relative_to(folder / PROGRAMS).as_posix()
+    name = _name(folder, path)
     config = {
         **_CONFIG,
         "seed": seed,
@@ -141,9 +176,7 @@ def _record(folder: Path, path: Path, python: Path, seconds: float, seed: int, w
         run_carstage("run", str(work / "config.yaml"), "--out", str(out), "--retries", "0")
         run_carstage("validate", str(out))
     except RuntimeError as error:
-        reported = _REPORTED.search(str(error))
-        last = (str(error).strip().splitlines() or [""])[-1]
-        return Tried(name, "", (reported[1] if reported else last).replace("|", "/")[:200], seed)
+        return Tried(name, "", _reason(str(error)).replace("|", "/")[:200], seed)
     (episode,) = carstage.Dataset(out).episodes
     places = [row["location"] for row in episode.ego().to_pylist()]
     moved_m = sum((a - b) ** 2 for a, b in zip(places[0], places[-1], strict=True)) ** 0.5

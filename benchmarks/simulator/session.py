@@ -19,14 +19,13 @@ import carla
 
 from benchmarks.simulator.ticking import WatchedClock
 from carstage.collector.internals.traffic_manager_wakeup import started_threads
-from carstage.server import free_port
 
 _TIMEOUT_S = 60.0
 _STRETCH_M = 9.0
 _DROP_M = 0.5
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Session:
     """What a trial works with."""
 
@@ -38,13 +37,17 @@ class Session:
 
 
 @contextmanager
-def synchronous_session(port: int, *, delta_s: float, seed: int) -> Iterator[Session]:
+def synchronous_session(
+    port: int, *, delta_s: float, seed: int, traffic_manager_port: int | None = None
+) -> Iterator[Session]:
     """Connects, switches to synchronous mode, and restores the settings on the way out.
 
     Args:
         port: the server's.
         delta_s: simulated seconds of a tick.
         seed: of the Traffic Manager, the walkers and the spawn choices.
+        traffic_manager_port: a free one; None: one is looked for, which needs Car-STAGE's own
+            interpreter.
     """
     client = carla.Client("127.0.0.1", port)
     client.set_timeout(_TIMEOUT_S)
@@ -58,7 +61,10 @@ def synchronous_session(port: int, *, delta_s: float, seed: int) -> Iterator[Ses
         restored.callback(lambda: world.apply_settings(before))
         world.apply_settings(settings)
         world = client.reload_world(False)
-        traffic_manager_port = free_port()
+        if traffic_manager_port is None:
+            from carstage.server import free_port
+
+            traffic_manager_port = free_port()
         with started_threads() as threads:
             traffic_manager = client.get_trafficmanager(traffic_manager_port)
         restored.callback(traffic_manager.set_synchronous_mode, False)

@@ -57,6 +57,11 @@ class ByteBudget:
         """Bytes in memory now."""
         return self._held_bytes
 
+    @property
+    def is_roomy(self) -> bool:
+        """Whether three quarters of the limit are free."""
+        return 4 * self._held_bytes <= self._limit_bytes
+
     def take(self, size_bytes: int) -> None:
         """Count data that came."""
         with self._changed:
@@ -140,6 +145,8 @@ class Pipeline:
         strict: an incomplete frame is a fault; a sensor that dies ends the episode.
         failures: errors of all threads, the writers' too; the main thread raises the first.
         clock_s: monotonic time.
+        pause_s: what comes is looked at so far apart, while there is room. Threads that wake for
+            each datum take the processor from a world that does not wait for them.
     """
 
     def __init__(
@@ -153,7 +160,10 @@ class Pipeline:
         strict: bool = True,
         failures: Optional[List[BaseException]] = None,
         clock_s: Callable[[], float] = time.monotonic,
+        pause_s: float = 0.0,
     ) -> None:
+        self._pause_s = pause_s
+        self._ended = threading.Event()
         self._sensors = sensors
         self._writers = writers
         self._matcher = matcher
@@ -196,6 +206,7 @@ class Pipeline:
 
     def __exit__(self, *_: object) -> None:
         self._inbox.put(None)
+        self._ended.set()
         self._thread.join()
 
     def check(self) -> None:
@@ -342,7 +353,8 @@ class Pipeline:
     def _run(self) -> None:
         try:
             while self._step():
-                pass
+                if self._pause_s and self._inbox.empty() and self._budget.is_roomy:
+                    self._ended.wait(self._pause_s)
         except BaseException as error:  # noqa: BLE001 - handed to the main thread, which raises it
             with self._state:
                 self._failures.append(error)

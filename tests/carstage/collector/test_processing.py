@@ -5,14 +5,17 @@ from __future__ import annotations
 import struct
 import subprocess
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from queue import SimpleQueue
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from carstage.collector import processing
 from carstage.collector import timing as collector_timing
 from carstage.collector.internals.errors import InterruptedByRequestError, RecordingError
 from carstage.collector.internals.matching import ExpectedFrame, FrameMatcher
@@ -63,6 +66,7 @@ class Recording:
         strict: bool = True,
         ticks_per_segment: int = 2,
         camera: Sensor = CAMERA,
+        pause_s: float = 0.0,
     ) -> None:
         self.steps = steps
         self.save_every = save_every
@@ -93,6 +97,7 @@ class Recording:
                 ticks_per_segment,
                 strict=strict,
                 failures=self.failures,
+                pause_s=pause_s,
             )
         )
         self.camera = self.pipeline.callback("CAM")
@@ -110,6 +115,17 @@ class Recording:
         assert self.writers.wait_sealed(self.steps - 1, 20.0)
 
 
+class CountedInbox(SimpleQueue[Any]):
+    """Counts how often its reader had nothing left to do."""
+
+    def __init__(self) -> None:
+        self.times_empty = 0
+
+    def get(self, block: bool = True, timeout: float | None = None) -> Any:
+        self.times_empty += self.empty()
+        return super().get(block, timeout)
+
+
 def while_recording(running: Recording) -> None:
     """What the main thread does between ticks, until something is wrong."""
     while not running.pipeline.wait_booked(running.steps, 0.05):
@@ -120,6 +136,37 @@ def while_recording(running: Recording) -> None:
 def recording(folder: Path, **options: Any) -> Iterator[Recording]:
     with ExitStack() as stack:
         yield Recording(folder, stack, **options)
+
+
+@pytest.mark.parametrize(("pause_s", "least", "most"), [(0.0, 10, 1000), (0.5, 1, 8)])
+def test_a_pipeline_that_pauses_looks_at_what_came_meanwhile_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pause_s: float, least: int, most: int
+) -> None:
+    monkeypatch.setattr(processing, "SimpleQueue", CountedInbox)
+    pace = threading.Event()
+    with recording(tmp_path, steps=40, pause_s=pause_s, strict=False) as running:
+        for number in range(40):
+            running.camera(picture(FIRST_FRAME + number))
+            running.gnss(position(FIRST_FRAME + number))
+            running.tick(number)
+            pace.wait(0.01)
+        running.finish()
+        assert least <= running.pipeline._inbox.times_empty <= most  # type: ignore[attr-defined]
+    assert [row["k"] for row in EpisodeLog(tmp_path).ledger()] == list(range(40))
+
+
+def test_a_pipeline_does_not_pause_while_much_waits(tmp_path: Path) -> None:
+    begun_s = time.monotonic()
+    with recording(tmp_path, steps=20, pause_s=30.0, limit_bytes=100, strict=False) as running:
+        assert running.budget.is_roomy
+        running.budget.take(60)  # of somebody who does not give it back
+        for number in range(20):
+            running.camera(picture(FIRST_FRAME + number))
+            running.gnss(position(FIRST_FRAME + number))
+            running.tick(number)
+        running.finish()
+        assert not running.budget.is_roomy
+    assert time.monotonic() - begun_s < 30.0
 
 
 def test_every_tick_comes_back_from_the_log(tmp_path: Path) -> None:

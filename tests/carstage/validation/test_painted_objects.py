@@ -1,15 +1,17 @@
-"""Each way in which stored arrows may differ from those of the OpenDRIVE text."""
+"""Each way in which stored arrows and lanes may differ from those of the OpenDRIVE text."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 import small_maps
-from carstage.validation.checks.vector_maps import _loose_ends, _other
+from carstage.validation.checks.vector_maps import _apart_m, _loose_ends, _other
 from carstage.vector_map import vector_map
+from carstage.vector_map.model import Lane
 
 ARROW = (
     '<object id="7" name="Stencil_ArrowType4R" type="-1" s="100" t="-1.75" hdg="0" width="1.2" '
@@ -44,3 +46,14 @@ def test_a_lane_that_is_not_there_is_found() -> None:
     changed = replace(MADE.painted_objects[0], lanes=("9/0/1",))
     found = _loose_ends(replace(MADE, painted_objects=(changed,)))
     assert found == "painted object 7 names a lane that is not there"
+
+
+def test_a_lane_without_length_is_where_it_is() -> None:
+    ends = np.array([[0.0, 0.0, 0.1], [1.7, 0.2, 0.1]])
+    lane = Lane(
+        "575/1/-3", 575, 1, -3, None, "driving", "forward", ends, ends, ends, np.full(2, 34.62),
+        np.array([0.0, 3.5]),
+    )  # fmt: skip
+    assert _apart_m(lane, lane) == 0.0
+    assert _apart_m(lane, replace(lane, centre_line=ends + 0.5)) == pytest.approx(0.5)
+    assert _apart_m(lane, replace(lane, width_m=lane.width_m + 0.25)) == 0.25

@@ -5,7 +5,7 @@ from __future__ import annotations
 import carla
 
 from client_api.entries import limited, works
-from client_api.trial_scene import TrialScene, expect
+from client_api.trial_scene import CAR_LABEL, TrialScene, expect
 
 
 @works("Actor.id", "Actor.type_id", "Actor.parent", "Actor.semantic_tags", "Actor.attributes",
@@ -17,7 +17,7 @@ def _what_it_is(scene: TrialScene) -> None:
     sensor = scene.spawn("sensor.other.gnss", carla.Transform(), car)
     expect(car.id > 0 and car.type_id == "vehicle.tesla.model3", "id and type")
     expect(sensor.parent.id == car.id and car.parent is None, "parent")
-    expect(list(car.semantic_tags) == [int(carla.CityObjectLabel.Car)], "tags")
+    expect(list(car.semantic_tags) == [int(CAR_LABEL)], "tags")
     expect(car.attributes["base_type"] == "car", "attributes")
     expect(abs(car.bounding_box.extent.x - 2.396) < 0.01, "box")
     expect(car.get_world().id == scene.world.id, "world")

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
     from client_api.trial_scene import TrialScene
 
-Act = Callable[["TrialScene"], None]
+    Act = Callable[[TrialScene], None]
 
 
 class Support(Enum):
@@ -21,7 +22,7 @@ class Support(Enum):
     CLIENT_SIDE = "client-side"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Entry:
     """Names that are tried together.
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from client_api import run  # noqa: F401 - the trials register themselves
+from carstage.releases import KNOWN
+from client_api import playing  # noqa: F401 - the trials register themselves
 from client_api.entries import Entry, Support, entries
-from client_api.since import SINCE
+from client_api.since import SINCE, UNTIL, names_of
 from client_api.surface import surface
 
 PAGE = Path(__file__).parents[3] / "docs" / "client-api-coverage.md"
@@ -99,3 +100,18 @@ def _versions() -> Iterator[str]:
     for version, names in SINCE.items():
         older = {"0.9.14": "0.9.13", "0.9.15": "0.9.13, 0.9.14", "0.9.16": "0.9.13 to 0.9.15"}
         yield f"| {older[version]} | {', '.join(f'`{name}`' for name in names)} |"
+    yield "\nNames that later clients have no more:\n"
+    yield "| client, and those before it | has |"
+    yield "|---|---|"
+    for version, names in UNTIL.items():
+        yield f"| {version} | {', '.join(f'`{name}`' for name in names)} |"
+    yield (
+        "\nThe tests play the trials with each client's own wheel. Trials all of whose names it "
+        "lacks are not played;\nothers leave out what it lacks.\n"
+    )
+    yield "| client | names | trials |"
+    yield "|---|---|---|"
+    for release in KNOWN:
+        have = names_of(str(release), surface())
+        played = sum(any(map(entry.covers, have)) for entry in entries())
+        yield f"| {release} | {len(have)} | {played} |"

@@ -8,6 +8,7 @@ from pathlib import Path
 import carla
 
 from client_api.entries import works
+from client_api.surface import has
 from client_api.trial_scene import TrialScene, expect
 
 
@@ -34,7 +35,8 @@ def _recording(scene: TrialScene) -> None:
         client.show_recorder_actors_blocked(path, 10.0, 1.0)
         client.set_replayer_time_factor(1.0)
         client.set_replayer_ignore_hero(False)
-        client.set_replayer_ignore_spectator(True)
+        if has("Client.set_replayer_ignore_spectator"):
+            client.set_replayer_ignore_spectator(True)
         client.replay_file(path, 0.0, 0.0, 0, False)
         scene.ticks(20)
         cars = list(scene.world.get_actors().filter("vehicle.tesla.model3"))

@@ -1,40 +1,30 @@
-"""Plays all trials against a server; finds the names of the client that no trial covers."""
+"""Plays all trials against a server, with any client wheel; finds names that no trial covers."""
 
 from __future__ import annotations
 
-import logging
-import traceback
+import json
+import os
+import subprocess
+import sys
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
-from benchmarks.simulator.client_process import run_trial
+from benchmarks.simulator.client_process import TrialError
 from benchmarks.simulator.server_process import running_server
-from benchmarks.simulator.session import synchronous_session
 from carstage.bench.verdict import Figure, Verdict
-from client_api import (  # noqa: F401 - they register their trials
-    actors,
-    blueprints,
-    clients,
-    commands,
-    maps,
-    recordings,
-    scenery,
-    sensors,
-    street_lights,
-    traffic_lights,
-    traffic_manager,
-    value_types,
-    vehicles,
-    walkers,
-    worlds,
-)
-from client_api.entries import Entry, Support, entries
+from carstage.releases import KNOWN
+from carstage.server import free_port
+from client_api import playing  # noqa: F401 - the trials register themselves
+from client_api.entries import Support, entries
+from client_api.since import UNTIL
 from client_api.surface import surface
-from client_api.trial_scene import TrialScene
-
-logger = logging.getLogger(__name__)
 
 _TIMEOUT_S = 900.0
+_ROOT = Path(__file__).parents[3]
+_PATH = (_ROOT / "src", _ROOT, _ROOT / "tests" / "conformance")
+NEWEST = str(KNOWN[-1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,15 +35,16 @@ class Outcome:
     failure: str
 
 
-def untried() -> tuple[str, ...]:
-    """Names of the client that no entry covers."""
+def untried(names: Sequence[str] | None = None) -> tuple[str, ...]:
+    """Names of the client that no entry covers; of the newest client if none are given."""
     known = list(entries())
-    return tuple(name for name in surface() if not any(entry.covers(name) for entry in known))
+    asked = surface() if names is None else names
+    return tuple(name for name in asked if not any(entry.covers(name) for entry in known))
 
 
 def unknown() -> tuple[str, ...]:
-    """Names in entries that the client does not have."""
-    have = set(surface())
+    """Names in entries that neither the newest client has nor, by ``UNTIL``, an older one."""
+    have = {*surface(), *(name for gone in UNTIL.values() for name in gone)}
     groups = {name.rpartition(".")[0] or name for name in have}
     return tuple(
         name
@@ -63,35 +54,18 @@ def unknown() -> tuple[str, ...]:
     )
 
 
-def play(port: int, chosen: Sequence[int]) -> list[Outcome]:
-    """Play entries, by their numbers, in one client session; for a process of its own."""
-    known = list(entries())
-    outcomes = []
-    with synchronous_session(port, delta_s=0.05, seed=7) as session:
-        scene = TrialScene(session)
-        for number in chosen:
-            entry = known[number]
-            outcomes.append(Outcome(entry.names, _tried(entry, scene)))
-    return outcomes
-
-
-def _tried(entry: Entry, scene: TrialScene) -> str:
-    try:
-        try:
-            entry.act(scene)
-        finally:
-            scene.sweep()
-    except AssertionError as error:
-        return str(error)
-    except Exception:  # noqa: BLE001 - the other trials go on
-        return traceback.format_exc(limit=-2)
-    return ""
-
-
-def check_api(*, server_arguments: Sequence[str] = (), only: str = "") -> Verdict:
-    """Try every name of the client.
+def check_api(
+    *,
+    version: str = NEWEST,
+    python: Path = Path(sys.executable),
+    server_arguments: Sequence[str] = (),
+    only: str = "",
+) -> Verdict:
+    """Try every name of a client.
 
     Args:
+        version: of the client, and of the protocol that the server speaks to it.
+        python: the interpreter that has the client's wheel.
         server_arguments: further arguments of the server.
         only: part of the names whose trials are played; all without it.
 
@@ -106,16 +80,42 @@ def check_api(*, server_arguments: Sequence[str] = (), only: str = "") -> Verdic
     together = [k for k in chosen if not known[k].own_process]
     groups = [together, *([k] for k in chosen if known[k].own_process)]
     outcomes: list[Outcome] = []
-    with running_server(server_arguments) as port:
-        for group in groups:
-            if group:
-                outcomes += run_trial(play, port, group, timeout_s=_TIMEOUT_S)
-    return _verdict(outcomes)
+    names: Sequence[str] = ()
+    with running_server(("--protocol", version, *server_arguments)) as port:
+        for group in filter(None, groups):
+            names, played = _played(python, port, group)
+            outcomes += [Outcome(known[number].names, failure) for number, failure in played]
+    return _verdict(outcomes, names, len(chosen))
 
 
-def _verdict(outcomes: Sequence[Outcome]) -> Verdict:
+def _played(
+    python: Path, port: int, chosen: Sequence[int]
+) -> tuple[Sequence[str], Sequence[tuple[int, str]]]:
+    """Play entries in a process of their own: the client's names, each entry's failure."""
+    with tempfile.TemporaryDirectory(prefix="carstage-check-") as home:
+        told = Path(home) / "told.json"
+        arguments = [str(port), str(free_port()), str(told), *map(str, chosen)]
+        try:
+            ended = subprocess.run(
+                [str(python), "-m", "client_api.playing", *arguments],
+                # An empty home folder, so that the client's navigation cache cannot be stale.
+                env={**os.environ, "HOME": home, "PYTHONPATH": os.pathsep.join(map(str, _PATH))},
+                capture_output=True,
+                text=True,
+                errors="replace",
+                timeout=_TIMEOUT_S,
+            )
+        except subprocess.TimeoutExpired as error:
+            raise TrialError(f"the trials did not end within {_TIMEOUT_S:.0f} s") from error
+        if not told.exists():
+            last = "\n".join(ended.stderr.splitlines()[-20:])
+            raise TrialError(f"the client process ended with {ended.returncode}:\n{last}")
+        document = json.loads(told.read_text("utf-8"))
+        return document["surface"], [(int(k), str(f)) for k, f in document["outcomes"]]
+
+
+def _verdict(outcomes: Sequence[Outcome], names: Sequence[str], asked: int) -> Verdict:
     failed = [outcome for outcome in outcomes if outcome.failure]
-    names = surface()
     by_support = {
         support: sum(
             any(entry.covers(name) for entry in entries() if entry.support is support)
@@ -126,12 +126,13 @@ def _verdict(outcomes: Sequence[Outcome]) -> Verdict:
     figures = (
         Figure("names of the client", len(names)),
         *(Figure(support.value, count) for support, count in by_support.items()),
-        Figure("names without an entry", len(untried()), "==", 0),
+        Figure("names without an entry", len(untried(names)), "==", 0),
         Figure("entries without a name", len(unknown()), "==", 0),
         Figure("trials", len(outcomes)),
+        Figure("trials not in this wheel", asked - len(outcomes)),
         Figure("trials that failed", len(failed), "==", 0),
     )
     notes = [f"{', '.join(o.names[:3])}: {o.failure}" for o in failed]
-    notes += [f"nobody tries {name}" for name in untried()]
-    notes += [f"the client has no {name}" for name in unknown()]
+    notes += [f"nobody tries {name}" for name in untried(names)]
+    notes += [f"no client has {name}" for name in unknown()]
     return Verdict("api", figures, notes)

@@ -1,4 +1,4 @@
-"""Names that came to the client after 0.9.13, by the first version that has them.
+"""Names that came to the client after 0.9.13, or went, by the first or last version that has them.
 
 Read from the wheels themselves by ``dir``; a test compares them with the wheels that are installed.
 ``Class.*`` stands for a whole class.
@@ -6,7 +6,7 @@ Read from the wheels themselves by ``dir``; a test compares them with the wheels
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
 SINCE: Mapping[str, tuple[str, ...]] = MappingProxyType(
@@ -99,3 +99,27 @@ SINCE: Mapping[str, tuple[str, ...]] = MappingProxyType(
         ),
     }
 )
+
+UNTIL: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "0.9.13": ("CityObjectLabel.Vehicles", "ServerSideSensor"),
+        "0.9.15": ("TrafficManager.keep_right_rule_percentage",),
+    }
+)
+
+
+def names_of(version: str, newest: Iterable[str]) -> frozenset[str]:
+    """The names of a version's client.
+
+    Args:
+        version: such as ``0.9.13``.
+        newest: names of the newest client.
+    """
+    later = {name for first, names in SINCE.items() if first > version for name in names}
+    gone = {name for last, names in UNTIL.items() if last >= version for name in names}
+    kept = {
+        name
+        for name in newest
+        if name not in later and f"{name.rpartition('.')[0] or name}.*" not in later
+    }
+    return frozenset(kept | gone)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from statistics import fmean
 from typing import Any
 
 import carla
 
 from client_api.entries import limited, works
+from client_api.surface import has
 from client_api.trial_scene import TrialScene, expect, look_at
 
 
@@ -17,7 +19,8 @@ def _lights(scene: TrialScene) -> tuple[Any, list[Any]]:
     return manager, lights
 
 
-@limited("The town's lamps are lights of the group Street; vehicles and buildings have none here.",
+@limited("The town's lamps are lights of the group Street; vehicles and buildings have none here. "
+         "Client 0.9.13 reads states once.",
          "World.get_lightmanager", "LightManager.get_all_lights",
          "LightManager.get_turned_on_lights", "LightManager.get_turned_off_lights",
          "LightManager.set_day_night_cycle")  # fmt: skip
@@ -26,6 +29,12 @@ def _day_and_night(scene: TrialScene) -> None:
     street = carla.LightGroup.Street
     expect(not manager.get_all_lights(carla.LightGroup.Building), "lights of buildings")
     scene.world.set_weather(carla.WeatherParameters.ClearNight)
+    if not has("LightManager.set_day_night_cycle"):
+        scene.ticks(3)
+        anew = scene.seen_anew().get_lightmanager()
+        scene.until(lambda: len(anew.get_turned_on_lights(street)) == len(lights), "dusk", 20)
+        scene.world.set_weather(carla.WeatherParameters.Default)
+        return
     scene.until(lambda: len(manager.get_turned_on_lights(street)) == len(lights), "dusk", 20)
     scene.world.set_weather(carla.WeatherParameters.ClearNoon)
     scene.until(lambda: len(manager.get_turned_off_lights(street)) == len(lights), "dawn", 20)
@@ -57,21 +66,21 @@ def _switching(scene: TrialScene) -> None:
     scene.ticks(2)  # the client sends changes with the frame after them
     ground = carla.Location(lamp.location.x, lamp.location.y, 0.0)
     view = look_at(ground, 8.0, pitch_deg=40.0)
-    dark = scene.picture(view).astype(float)
+    dark = scene.picture(view)
     lamp.turn_on()
     scene.ticks(2)
-    lit = scene.picture(view).astype(float)
+    lit = scene.picture(view)
     expect(lit.mean() > dark.mean() + 8.0, f"the lamp lights nothing: {dark.mean()}, {lit.mean()}")
     expect(lamp.is_on and manager.is_active([lamp]) == [True], "the lamp is not on")
     lamp.set_color(carla.Color(255, 0, 0))
     scene.ticks(2)
-    red = scene.picture(view).astype(float)
-    expect(red[..., 0].mean() > 1.5 * red[..., 2].mean() + 2, "its light is not red")
+    red = scene.picture(view)
+    expect(fmean(red.red) > 1.5 * fmean(red.blue) + 2, "its light is not red")
     expect(manager.get_color([lamp])[0] == carla.Color(255, 0, 0) == lamp.color, "its colour")
     lamp.set_color(carla.Color(255, 255, 255))
     lamp.set_intensity(40_000.0)
     scene.ticks(2)
-    bright = scene.picture(view).astype(float)
+    bright = scene.picture(view)
     expect(bright.mean() > lit.mean() + 5.0, "four times the intensity is no brighter")
     expect(manager.get_intensity([lamp]) == [40_000.0] == [lamp.intensity], "its intensity")
     state = carla.LightState(5_000.0, carla.Color(0, 255, 0), carla.LightGroup.Street, False)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import carla
 
 _MODULES = {"": carla, "command.": carla.command}
 _BOOST_ENUM = ("names", "values")
 
 
+@lru_cache(maxsize=None)
 def surface() -> tuple[str, ...]:
     """Names such as ``Vehicle.open_door`` and ``command.SpawnActor.then``, sorted.
 
@@ -27,3 +30,8 @@ def surface() -> tuple[str, ...]:
             ]
             found += members or [f"{prefix}{name}"]
     return tuple(sorted(found))
+
+
+def has(name: str) -> bool:
+    """Whether this client has a name, such as ``Waypoint.is_rht``; older ones lack some."""
+    return name in surface()

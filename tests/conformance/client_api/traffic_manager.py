@@ -7,6 +7,7 @@ from typing import Any
 import carla
 
 from client_api.entries import limited, works
+from client_api.surface import has
 from client_api.trial_scene import TrialScene, expect
 
 
@@ -38,8 +39,9 @@ def _speeds(scene: TrialScene) -> None:
     """A desired speed is driven; a percentage slows a car, and all cars."""
     manager = scene.traffic_manager
     car = _driven(scene)
-    manager.set_desired_speed(car, 18.0)
-    scene.until(lambda: abs(3.6 * car.get_velocity().length() - 18.0) < 2.0, "18 km/h")
+    if has("TrafficManager.set_desired_speed"):
+        manager.set_desired_speed(car, 18.0)
+        scene.until(lambda: abs(3.6 * car.get_velocity().length() - 18.0) < 2.0, "18 km/h")
     manager.vehicle_percentage_speed_difference(car, 90.0)
     scene.until(lambda: car.get_velocity().length() < 2.5, "90 % slower is slow", 300)
     other = _driven(scene, 100)
@@ -123,6 +125,7 @@ def _following(scene: TrialScene) -> None:
 
 @works("TrafficManager.force_lane_change", "TrafficManager.auto_lane_change",
        "TrafficManager.keep_slow_lane_rule_percentage",
+       "TrafficManager.keep_right_rule_percentage",
        "TrafficManager.random_left_lanechange_percentage",
        "TrafficManager.random_right_lanechange_percentage")  # fmt: skip
 def _lane_changes(scene: TrialScene) -> None:
@@ -134,7 +137,10 @@ def _lane_changes(scene: TrialScene) -> None:
     )  # fmt: skip
     car = scene.spawn("vehicle.audi.tt", place or scene.place())
     manager.ignore_lights_percentage(car, 100.0)
-    for setter in (manager.keep_slow_lane_rule_percentage,
+    # CARLA 0.9.16 gave it another name.
+    slow_lane = has("TrafficManager.keep_slow_lane_rule_percentage")
+    for setter in (manager.keep_slow_lane_rule_percentage
+                   if slow_lane else manager.keep_right_rule_percentage,
                    manager.random_left_lanechange_percentage,
                    manager.random_right_lanechange_percentage):  # fmt: skip
         setter(car, 0.0)

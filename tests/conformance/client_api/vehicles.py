@@ -5,7 +5,9 @@ from __future__ import annotations
 import carla
 
 from client_api.entries import limited, works
-from client_api.trial_scene import TrialScene, changed, expect, look_at
+from client_api.picture import changed
+from client_api.surface import has
+from client_api.trial_scene import TrialScene, expect, look_at
 
 
 @works("Vehicle.apply_control", "Vehicle.get_control", "VehicleControl.*")
@@ -103,12 +105,12 @@ def _lights(scene: TrialScene) -> None:
     scene.ticks()
     expect(car.get_light_state() == state.Brake, "it reads back")
     glowing = scene.picture(behind)
-    red = glowing[..., 0].astype(int) - dark[..., 0].astype(int)
-    expect(int((red > 40).sum()) >= 4, "no brake light is seen")
+    redder = sum(a - b > 40 for a, b in zip(glowing.red, dark.red))
+    expect(redder >= 4, "no brake light is seen")
     car.set_light_state(state.NONE)
-    unlit = scene.picture(behind).astype(float).mean()
+    unlit = scene.picture(behind).mean()
     car.set_light_state(carla.VehicleLightState(state.LowBeam | state.Position))
-    lit = scene.picture(behind).astype(float).mean()
+    lit = scene.picture(behind).mean()
     for light in (state.LeftBlinker, state.RightBlinker, state.Reverse, state.HighBeam):
         car.set_light_state(light)
         scene.ticks()
@@ -147,9 +149,12 @@ def _wheels(scene: TrialScene) -> None:
     expect(car.get_wheel_steer_angle(carla.VehicleWheelLocation.BL_Wheel) == 0.0, "not the rear")
     car.set_simulate_physics(False)
     car.set_wheel_steer_direction(wheel, 12.0)
-    car.set_wheel_pitch_angle(wheel, 30.0)
     scene.ticks()
     expect(abs(car.get_wheel_steer_angle(wheel) - 12.0) < 1e-3, "the posed angle reads back")
+    if not has("Vehicle.set_wheel_pitch_angle"):
+        return
+    car.set_wheel_pitch_angle(wheel, 30.0)
+    scene.ticks()
     expect(abs(car.get_wheel_pitch_angle(wheel) - 30.0) < 1e-3, "the posed pitch reads back")
 
 
@@ -207,7 +212,8 @@ def _other_physics(scene: TrialScene) -> None:
     car.enable_carsim("")
     car.use_carsim_road(False)
     car.enable_chrono_physics(5000, 0.002, "", "", "", "")
-    car.restore_physx_physics()
+    if has("Vehicle.restore_physx_physics"):
+        car.restore_physx_physics()
     car.apply_control(carla.VehicleControl(throttle=0.6))
     scene.ticks(30)
     expect(car.get_velocity().length() > 1.0, "it does not drive")

@@ -5,7 +5,8 @@ from __future__ import annotations
 import carla
 
 from client_api.entries import works
-from client_api.trial_scene import TrialScene, changed, expect, look_at
+from client_api.picture import changed
+from client_api.trial_scene import TrialScene, expect, look_at
 
 
 @works("Walker.apply_control", "Walker.get_control", "WalkerControl.*")
@@ -36,7 +37,8 @@ def _posing(scene: TrialScene) -> None:
         expect(near < 3.0, f"{bone.name} is {near} m away")
     arm = next(bone for bone in bones if bone.name == "crl_arm__R")
     expect(arm.component.location.distance(carla.Location()) < 3.0, "in the walker's frame")
-    view = look_at(walker.get_location(), 2.4)
+    front_deg = walker.get_transform().rotation.yaw + 180.0
+    view = look_at(walker.get_location(), 2.4, front_deg)
     before = scene.picture(view)
     walker.get_pose_from_animation()
     pose = carla.WalkerBoneControlIn()

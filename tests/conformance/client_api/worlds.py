@@ -9,6 +9,7 @@ from typing import Any
 import carla
 
 from client_api.entries import limited, works
+from client_api.surface import has
 from client_api.trial_scene import TrialScene, expect, look_at
 
 _PRESETS = tuple(
@@ -20,7 +21,7 @@ _WEATHER = (
     "cloudiness", "precipitation", "precipitation_deposits", "wind_intensity",
     "sun_azimuth_angle", "sun_altitude_angle", "fog_density", "fog_distance", "fog_falloff",
     "wetness", "scattering_intensity", "mie_scattering_scale", "rayleigh_scattering_scale",
-    "dust_storm",
+    *(("dust_storm",) if has("WeatherParameters.dust_storm") else ()),
 )  # fmt: skip
 
 
@@ -118,13 +119,16 @@ def _kept_settings(scene: TrialScene) -> None:
     before, settings = scene.world.get_settings(), scene.world.get_settings()
     settings.max_culling_distance, settings.deterministic_ragdolls = 50.0, True
     settings.tile_stream_distance, settings.actor_active_distance = 1000.0, 500.0
-    settings.spectator_as_ego = False
+    follows = has("WorldSettings.spectator_as_ego")
+    if follows:
+        settings.spectator_as_ego = False
     scene.world.apply_settings(settings)
     read = scene.world.get_settings()
     scene.world.apply_settings(before)
     expect(read.max_culling_distance == 50.0 and read.deterministic_ragdolls, "first two")
     expect(read.tile_stream_distance == 1000.0, "tile_stream_distance")
-    expect(read.actor_active_distance == 500.0 and not read.spectator_as_ego, "last two")
+    expect(read.actor_active_distance == 500.0, "actor_active_distance")
+    expect(not (follows and read.spectator_as_ego), "spectator_as_ego")
 
 
 @works("World.get_weather", "World.set_weather", *(f"WeatherParameters.{n}" for n in _PRESETS))
@@ -136,18 +140,18 @@ def _weather(scene: TrialScene) -> None:
         expect(scene.world.get_weather() == preset, f"{name} reads back differently")
     view = look_at(scene.place().location, 20.0)
     scene.world.set_weather(carla.WeatherParameters.ClearNoon)
-    noon = scene.picture(view).astype(float)
+    noon = scene.picture(view)
     scene.world.set_weather(carla.WeatherParameters.ClearNight)
-    night = scene.picture(view).astype(float)
+    night = scene.picture(view)
     fog = carla.WeatherParameters.ClearNoon
     thick = carla.WeatherParameters(
         sun_altitude_angle=fog.sun_altitude_angle, fog_density=100.0, fog_distance=0.0
     )
     scene.world.set_weather(thick)
-    foggy = scene.picture(view).astype(float)
+    foggy = scene.picture(view)
     scene.world.set_weather(carla.WeatherParameters.Default)
     expect(noon.mean() > night.mean() + 10.0, "night is not darker than noon")
-    expect(foggy.std() < 0.8 * noon.std(), "fog takes no contrast")
+    expect(foggy.contrast() < 0.8 * noon.contrast(), "fog takes no contrast")
 
 
 @works(*(f"WeatherParameters.{name}" for name in _WEATHER))
@@ -251,7 +255,7 @@ def _navigation(scene: TrialScene) -> None:
     scene.world.set_pedestrians_cross_factor(0.2)
     first, second = draw(), draw()
     expect(all(place is not None for place in first), "a place")
-    apart = [a.distance(b) for a, b in zip(first, second, strict=True)]
+    apart = [a.distance(b) for a, b in zip(first, second)]
     expect(max(apart) < 1e-3, "the seed does not repeat the places")
     for place in first:
         ground = scene.world.ground_projection(place + carla.Location(z=2.0), 10.0)

@@ -43,6 +43,10 @@ PATIENCE_S = 10.0
 LOOK_S = 1.0
 """How often a silent world is asked whether it is still the same."""
 EXPECTED_ACTORS = 200
+BATCH_S = 0.05
+"""Frames are noted so far apart, all that came since: a world at full speed goes on meanwhile."""
+SEGMENT_S = 5.0
+"""Simulated seconds of a segment: sealing one waits for the disk, which a fast world feels."""
 STEP_TOLERANCE_S = 1e-6
 
 _log = logging.getLogger(__name__)
@@ -87,6 +91,7 @@ class FrameQueue:
         self._frames: Deque[_Seen] = deque(maxlen=MOST_WAITING_FRAMES)
         self._changed = threading.Condition()
         self._last_s = time.perf_counter()
+        self._told_s = 0.0
 
     def on_tick(self, snapshot: Any) -> None:
         """For ``World.on_tick``: no later frame is known to the client until this returns."""
@@ -104,7 +109,9 @@ class FrameQueue:
                 _log.info("frame %d: the ego tells nothing any more: %s", snapshot.frame, error)
         with self._changed:
             self._frames.append(_Seen(snapshot, states, tick_s))
-            self._changed.notify_all()
+            if now_s - self._told_s >= BATCH_S:
+                self._told_s = now_s
+                self._changed.notify_all()
 
     @property
     def lags(self) -> bool:
@@ -112,7 +119,10 @@ class FrameQueue:
         return bool(self._frames)
 
     def take(self, timeout_s: float) -> Optional[_Seen]:
-        """The next frame; None when none came in time."""
+        """The next frame, after waiting at most so long for one; None when there is none.
+
+        Who waits is woken every :data:`BATCH_S` at most, and finds all frames since.
+        """
         with self._changed:
             if not self._changed.wait_for(lambda: bool(self._frames), timeout_s):
                 return None
@@ -220,7 +230,7 @@ class FollowedEpisode:
         spec = self._spec
         bytes_per_tick = dict(rig.expected_bytes)
         bytes_per_tick[WORLD] = ACTOR_RECORD.size * EXPECTED_ACTORS
-        segment_ticks = ticks_per_segment(spec.fps, bytes_per_tick.values())
+        segment_ticks = ticks_per_segment(SEGMENT_S * spec.fps, bytes_per_tick.values())
         failures: List[BaseException] = []
         writers = stack.enter_context(
             LogWriters(
@@ -248,6 +258,7 @@ class FollowedEpisode:
             segment_ticks,
             strict=False,
             failures=failures,
+            pause_s=BATCH_S,
         )
         return segment_ticks, writers, stack.enter_context(pipeline)
 

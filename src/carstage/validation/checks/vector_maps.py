@@ -157,7 +157,17 @@ def _words_of(paint: PaintedObject) -> tuple[object, ...]:
 
 
 def _apart_m(lane: Lane, other: Lane) -> float:
-    """How far a lane is from another one with its id, at its own stations."""
+    """How far a lane is from another one with its id, at its own stations.
+
+    A section may be so short that several points share a station; there the points are compared.
+    """
+    if np.array_equal(lane.s_m, other.s_m):
+        apart = [
+            getattr(lane, name) - getattr(other, name)
+            for name in ("centre_line", "left_boundary", "right_boundary")
+        ]
+        widths = np.abs(lane.width_m - other.width_m).max()
+        return float(max(np.abs(apart).max(), widths))
     along, order = np.sort(lane.s_m), np.argsort(lane.s_m)
     theirs = np.argsort(other.s_m)
     apart = [

@@ -33,6 +33,7 @@ REASONS = {
     "carstage/codecs/png/deflate_kernel.py _literals": _KERNEL,
     "carstage/collector/internals/writing.py __init__": _OWNER,
     "carstage/collector/processing.py __init__": _OWNER,
+    "carstage/occupancy/ray_kernel.py shown_places": _KERNEL,
     "carstage/runs/attempt_commit.py __init__": _OWNER,
     "carstage/runs/following.py record_beside": _CALL,
     "carstage/runs/running.py run": _CALL,

@@ -105,12 +105,17 @@ def _added_up(
 ) -> Cells:
     if not len(keys):
         return Cells(keys, counts, steps)
-    order = np.argsort(keys, kind="stable")
+    order = np.argsort(keys)  # of equal ones any order: whole numbers are added
     keys = keys[order]
     starts = np.flatnonzero(np.append(True, keys[1:] != keys[:-1]))
-    return Cells(
-        keys[starts], np.add.reduceat(counts[order], starts), np.add.reduceat(steps[order], starts)
-    )
+    sums = [_sums(column[order], starts) for column in (counts, *steps.T)]
+    return Cells(keys[starts], sums[0], np.stack(sums[1:], axis=-1))
+
+
+def _sums(values: NDArray[np.int64], starts: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Sums of the parts of ``values`` that begin at ``starts``, the first of them 0."""
+    ends = np.cumsum(values)[np.append(starts[1:], len(values)) - 1]
+    return np.diff(ends, prepend=0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -179,7 +184,7 @@ class Gathering:
                 if users[number].row["is_ego"]:
                     continue
                 own = owner == number
-                local = placed(invert_pose(users[number].world_from_box), points[own])
+                local = placed(users[number].box_from_world, points[own])
                 self._moving[users[number].track_id].append((local, tags[own]))
         return seen_voxels(self._grid, matrix, seen, surfaces)
 

@@ -96,6 +96,12 @@ def grid_from_world(world_from_frame: FloatArray) -> FloatArray:
 
 def placed(matrix: FloatArray, points: FloatArray) -> FloatArray:
     """``(N, 3)`` points ``(N, 3)`` through a ``(3 or 4, 4)`` matrix, see ``multiply``."""
+    columns: FloatArray = np.empty((3, len(points)), np.float64)
+    term = np.empty(len(points), np.float64)
     x, y, z = points.T
-    columns = [row[0] * x + row[1] * y + row[2] * z + row[3] for row in matrix[:3]]
-    return np.stack(columns).T  # column by column in memory, as it is read
+    for row, column in zip(matrix[:3], columns, strict=True):
+        np.multiply(x, row[0], out=column)
+        column += np.multiply(y, row[1], out=term)
+        column += np.multiply(z, row[2], out=term)
+        column += row[3]
+    return columns.T  # column by column in memory, as it is read

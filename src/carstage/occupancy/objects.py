@@ -47,7 +47,7 @@ class RoadUser:
     Attributes:
         row: of ``objects.parquet``.
         tag: of its voxels.
-        world_from_box: ``(4, 4)``.
+        world_from_box, box_from_world: ``(4, 4)``.
         extent_m: ``(3,)`` half sizes.
         reach_m: how far outside of its box it may be.
     """
@@ -55,6 +55,7 @@ class RoadUser:
     row: Mapping[str, Any]
     tag: int
     world_from_box: FloatArray
+    box_from_world: FloatArray
     extent_m: FloatArray
     reach_m: float
 
@@ -79,10 +80,11 @@ def road_users(objects: Iterable[Mapping[str, Any]]) -> list[RoadUser]:
             row,
             tag,
             pose,
+            inverse,
             np.array(row["box_extent"]),
             PEDESTRIAN_REACH_M if tag == _PEDESTRIAN else VEHICLE_REACH_M,
         )
-        for (row, tag), pose in zip(tagged, poses, strict=True)
+        for (row, tag), pose, inverse in zip(tagged, poses, invert_pose(poses), strict=True)
     ]
 
 
@@ -116,7 +118,7 @@ def owners(
         near = np.flatnonzero(close)
         if not len(near):
             continue
-        local = placed(invert_pose(user.world_from_box), points[near])
+        local = placed(user.box_from_world, points[near])
         depth = (np.abs(local) - user.extent_m).max(axis=1)
         taken = (depth <= reach[number]) & (depth < outside[near])
         owner[near[taken]], outside[near[taken]] = number, depth[taken]

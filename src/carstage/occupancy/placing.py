@@ -54,7 +54,10 @@ class Placer:
         side_m = grid.side_m / FINE
         self._grid = grid
         self._points = gathered.still.points(side_m)
-        self._tags, self._counts = gathered.still.tags, gathered.still.counts
+        tags, self._counts = gathered.still.tags, gathered.still.counts
+        occurs = np.bincount(tags, minlength=_MOST_TAGS) > 0
+        self._known = np.flatnonzero(occurs).astype(np.uint8)
+        self._tags = (np.cumsum(occurs) - 1)[tags]
         self._moving = {
             track: (cells.points(side_m), cells.tags == RIDER_TAG)
             for track, cells in gathered.moving.items()
@@ -71,8 +74,10 @@ class Placer:
         units = grid.units_from(grid_from_world(world_from_frame))
         semantic: NDArray[np.uint8] = np.full(grid.count, FREE, np.uint8)
         cells, inside = grid.cells(placed(units, self._points))
-        voxels, most = _most_seen(grid, cells, self._tags[inside], self._counts[inside])
-        semantic[voxels] = most
+        voxels, most = _most_seen(
+            grid, cells, self._tags[inside], self._counts[inside], max(len(self._known), 1)
+        )
+        semantic[voxels] = self._known[most]
         users = [user for user in road_users(objects) if not user.row["is_ego"]]
         instance, kept = self._place_users(units, users, semantic)
         tracks = np.array([user.track_id for user in kept], np.int64)
@@ -121,18 +126,22 @@ def ground_bounds(grid: VoxelGrid, world_from_frame: FloatArray) -> tuple[FloatA
 
 
 def _most_seen(
-    grid: VoxelGrid, cells: NDArray[np.int64], tags: NDArray[np.int64], counts: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
-    """The voxels that something is in, and the tag of each."""
+    grid: VoxelGrid,
+    cells: NDArray[np.int64],
+    tags: NDArray[np.int64],
+    counts: NDArray[np.int64],
+    known: int,
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The voxels that something is in, and the tag of each, from 0 to ``known``."""
     taken = np.zeros(grid.count, np.bool_)
     taken[cells] = True
     voxels = np.flatnonzero(taken)
-    number = np.zeros(grid.count, np.int64)
+    number: NDArray[np.int64] = np.empty(grid.count, np.int64)  # only what is written is read
     number[voxels] = np.arange(len(voxels))
     votes = np.bincount(
-        number[cells] * _MOST_TAGS + tags, weights=counts, minlength=len(voxels) * _MOST_TAGS
-    ).reshape(-1, _MOST_TAGS)
-    return voxels, votes.argmax(axis=1).astype(np.uint8)
+        number[cells] * known + tags, weights=counts, minlength=len(voxels) * known
+    ).reshape(-1, known)
+    return voxels, votes.argmax(axis=1)
 
 
 def motion(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from carstage.birds_eye.visibility import CAMERA, LIDAR, CameraView, Cloud
 from carstage.geometry import OPTICAL_FROM_SENSOR, Z_NEAR_M, FloatArray, multiply, rotate
-from carstage.occupancy.grid import VoxelGrid, placed
+from carstage.occupancy.grid import VoxelGrid
 
 FINE: Final = 2
 """Cells to a voxel's side in which surfaces are gathered; a frame adds one point to each."""
@@ -77,55 +77,53 @@ def surface(grid: VoxelGrid, matrix: FloatArray, seen: Picture | Sweep) -> Surfa
 
 
 def _of_sweep(grid: VoxelGrid, units: FloatArray, seen: Sweep) -> Surface:
-    points = placed(units, seen.cloud.points)
-    inside = grid.holds(points)
-    chosen = np.flatnonzero(inside)
-    chosen = chosen[_one_per_cell(grid, [column[chosen] for column in points.T])]
-    tags = None if seen.tags is None else seen.tags[chosen]
-    return Surface(units[:, 3], points[chosen], tags, points[~inside])
+    from carstage.occupancy.ray_kernel import ends_within
+
+    points = np.ascontiguousarray(seen.cloud.points, np.float64)
+    numbers: NDArray[np.int32] = np.empty(len(points), np.int32)
+    ends: FloatArray = np.empty((3, len(points)), np.float64)
+    count = ends_within(units, points, grid.shape, numbers, ends)
+    kept = _one_per_cell(grid, ends[:, :count])
+    tags = None if seen.tags is None else seen.tags[numbers[kept]]
+    return Surface(units[:, 3], ends[:, kept].T, tags, ends[:, count:][:, ::-1].T)
 
 
 def _of_picture(grid: VoxelGrid, units: FloatArray, seen: Picture) -> Surface:
     """A pixel's surface is where the ray through its centre ends."""
+    from carstage.occupancy.ray_kernel import shown_places
+
     view = seen.view
     assert view.depth_m is not None
-    optical, place, u, v = _pixel_rays(units, view)
-    depth = view.depth_m.astype(np.float32)
-    inside = depth > Z_NEAR_M
-    parts = []
-    for axis, most in enumerate(grid.shape):
-        across, down, along = optical[axis]
-        part = (across * u)[None, :] + (down * v + along)[:, None]
-        part *= depth
-        part += place[axis]
-        inside &= (part >= 0) & (part < most)
-        parts.append(part)
-    chosen = np.flatnonzero(inside)
-    near = [part.ravel()[chosen] for part in parts]
+    depth = np.ascontiguousarray(view.depth_m, np.float32)
+    pixels: NDArray[np.int32] = np.empty(depth.size, np.int32)
+    places: NDArray[np.float32] = np.empty((3, depth.size), np.float32)
+    rays = _pixel_rays(units, view)
+    count = shown_places(*rays, depth, np.float32(Z_NEAR_M), grid.shape, pixels, places)
+    near = places[:, :count]
     kept = _one_per_cell(grid, near)
     return Surface(
         units[:, 3],
-        np.stack([part[kept] for part in near], axis=-1).astype(np.float64),
-        None if seen.tags is None else seen.tags.ravel()[chosen[kept]],
+        near[:, kept].T.astype(np.float64),
+        None if seen.tags is None else seen.tags.ravel()[pixels[kept]],
         np.zeros((0, 3)),
     )
 
 
 def _one_per_cell(grid: VoxelGrid, units: Sequence[NDArray[np.floating]]) -> Indices:
-    """Which of ``N`` places to keep, one in each cell of a half side, in their order.
+    """Which of ``N`` places to keep, the last in each cell of a half side, in their order.
 
     Args:
         grid: the voxels.
         units: three arrays ``(N,)``, all within the grid.
     """
-    x, y, z = ((part * FINE).astype(np.int64) for part in units)
-    _, rows, layers = grid.shape
-    cells = (x * (rows * FINE) + y) * (layers * FINE) + z
+    from carstage.occupancy.ray_kernel import mark_last
+
+    x, y, z = units
+    kept = np.zeros(len(x), np.bool_)
     # Only what is written is read: the rest of it costs no memory.
     last: NDArray[np.int32] = np.empty(grid.count * FINE**3, np.int32)
-    numbers = np.arange(len(cells), dtype=np.int32)
-    last[cells] = numbers
-    return np.flatnonzero(last[cells] == numbers)
+    mark_last(x, y, z, FINE, grid.shape, last, kept)
+    return np.flatnonzero(kept)
 
 
 def seen_voxels(
@@ -144,13 +142,13 @@ def seen_voxels(
         grid: the voxels.
         matrix: ``(4, 4)`` of the grid's frame from the world.
         seen: what the sensors measured.
-        found: by :func:`surface`, of the same; those of pictures are not needed.
+        found: by :func:`surface`, of the same; of pictures None will do.
     """
     mask: NDArray[np.uint8] = np.zeros(grid.count, np.uint8)
     rays: dict[bytes, list[Surface]] = {}
     for one, ends in zip(seen, found, strict=True):
         if isinstance(one, Picture):
-            mask |= _seen_by_camera(grid, matrix, one.view).ravel() * np.uint8(CAMERA)
+            mask |= _seen_by_camera(grid, matrix, one.view, ends).ravel() * np.uint8(CAMERA)
         elif ends is not None:
             rays.setdefault(ends.origin.tobytes(), []).append(ends)
     for sweeps in rays.values():
@@ -173,7 +171,9 @@ def passed_voxels(grid: VoxelGrid, origin: FloatArray, ends: FloatArray) -> NDAr
     return seen
 
 
-def _seen_by_camera(grid: VoxelGrid, matrix: FloatArray, view: CameraView) -> NDArray[np.bool_]:
+def _seen_by_camera(
+    grid: VoxelGrid, matrix: FloatArray, view: CameraView, ends: Surface | None
+) -> NDArray[np.bool_]:
     """``(X, Y, Z)`` the voxels that pixels show, and those whose centres are before that."""
     from carstage.occupancy.ray_kernel import mark_before, mark_shown
 
@@ -189,6 +189,10 @@ def _seen_by_camera(grid: VoxelGrid, matrix: FloatArray, view: CameraView) -> ND
     depth = np.ascontiguousarray(view.depth_m, np.float32)
     nearest, seen = np.float32(Z_NEAR_M), np.zeros(grid.shape, np.bool_)
     mark_before(*steps, view.k.astype(np.float32), depth, nearest, seen)
+    if ends is not None:
+        x, y, z = ends.points.T.astype(np.int64)
+        seen[x, y, z] = True  # a surface has a point in each voxel that pixels show
+        return seen
     from_camera, origin, u, v = _pixel_rays(units, view)
     mark_shown(from_camera, origin, u, v, depth, nearest, seen)
     return seen

@@ -82,6 +82,25 @@ def test_every_frame_of_every_kind_is_recorded(
                 assert record.payload.nbytes > 0
 
 
+def test_capture_does_not_wait_for_grids_and_voxels(
+    collector: Collector, make_plan: PlanMaker, tmp_path: Path
+) -> None:
+    """Nobody makes any here: every frame is recorded, and is the same as without."""
+    plan = make_plan(tmp_path / "without", tmp_path / "with", steps=4)
+    asked = {
+        "birds_eye": {"length_m": 100.0, "width_m": 100.0, "resolution_m": 0.2},
+        "occupancy": {"frame": "ego", "ahead_m": 40.0, "behind_m": 40.0, "left_m": 40.0,
+                      "right_m": 40.0, "up_m": 5.4, "down_m": 1.0, "resolution_m": 0.4},
+    }  # fmt: skip
+    plan["episodes"][1]["spec"]["labels"] = asked
+    code, events = collector.run(plan)
+    assert code == 0
+    ticks = [event for event in events if event["event"] == "tick"]
+    assert [event["tick"] for event in ticks] == [0, 1, 2, 3] * 2
+    assert truth(tmp_path / "without") == truth(tmp_path / "with")
+    assert EpisodeLog(tmp_path / "with").spec.labels.occupancy is not None
+
+
 def test_the_world_of_each_frame_is_recorded(
     collector: Collector, make_plan: PlanMaker, tmp_path: Path
 ) -> None:

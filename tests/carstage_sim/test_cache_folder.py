@@ -70,11 +70,9 @@ def test_what_was_not_used_for_a_month_goes_and_recordings_stay(
     assert not kernels.exists()
 
 
-def test_drafts_of_killed_bakes_and_old_counts_go_with_the_towns(tmp_path: Path) -> None:
+def test_drafts_of_killed_bakes_go_with_the_towns(tmp_path: Path) -> None:
     kept(tmp_path / "Town-0.npz.0123.part", 2.0 * DAY_S)
     kept(tmp_path / "Town-1.npz.0123.part", 60.0)
-    kept(tmp_path / "Town-0.spawn_points", UNUSED_S + DAY_S)
-    kept(tmp_path / "Town-1.spawn_points", DAY_S)
     prune_towns(tmp_path)
     left = sorted(path.name for path in tmp_path.iterdir())
-    assert left == ["Town-1.npz.0123.part", "Town-1.spawn_points"]
+    assert left == ["Town-1.npz.0123.part"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from carstage_sim.maps import MapCatalogue, available_towns, spawn_point_count
@@ -27,22 +26,20 @@ def describe(protocol: str, maps: MapCatalogue | None = None) -> dict[str, Any]:
 
     Args:
         protocol: version of the client.
-        maps: what is offered; by default the built-in towns. Only of these are the spawn points
-            counted: of the user's own maps the number is null.
+        maps: what is offered; by default the built-in towns. Of the user's own maps the number of
+            spawn points is null.
 
     Raises:
         UnknownProtocolError: no table for that version is built in.
     """
     spoken = dialect(protocol)
-    names = (maps or MapCatalogue()).names
-    with ThreadPoolExecutor() as threads:  # each waits for a process of its own, the first time
-        counts = list(threads.map(_spawn_points, names))
     return {
         "protocol": protocol,
         "protocols": list(DIALECTS),
         "limits": LIMITS,
         "maps": [
-            {"name": name, "spawn_points": count} for name, count in zip(names, counts, strict=True)
+            {"name": name, "spawn_points": _spawn_points(name)}
+            for name in (maps or MapCatalogue()).names
         ],
         "blueprints": [
             _blueprint(blueprint)

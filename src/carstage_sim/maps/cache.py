@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import carstage_sim
-from carstage_sim.cache import DAY_S, DRAFTS, mark_used, remove_unused, written_atomically
+from carstage_sim.cache import DAY_S, DRAFTS, remove_unused, written_atomically
 from carstage_sim.maps.town import (
     LaneSamples,
     LevelObject,
@@ -73,10 +73,9 @@ def town_path(name: str, opendrive: str, folder: Path) -> Path:
 def prune(folder: Path) -> None:
     """Removes towns that were not used for longest: old ones of a name, and beyond a total size.
 
-    So are drafts of bakes that were killed, and counts of spawn points that nobody asked for.
+    So are drafts of bakes that were killed.
     """
     remove_unused(folder, DRAFTS, unused_s=DAY_S)
-    remove_unused(folder, "*.spawn_points")
     files = []
     for path in folder.glob("*.npz"):
         with contextlib.suppress(FileNotFoundError):  # another server prunes too
@@ -97,25 +96,6 @@ def _mark_used(path: Path) -> None:
     # A shared cache may be read-only: then its order of use stays unknown.
     with contextlib.suppress(OSError):
         os.utime(path)
-
-
-def cached_count(name: str, opendrive: str, count: Callable[[], int], folder: Path) -> int:
-    """A number that follows from a map's text and the code, from the cache or counted now.
-
-    Args:
-        name, opendrive, folder: as for :func:`cached_town`.
-        count: counts.
-    """
-    path = folder / f"{_key(name, opendrive)}.spawn_points"
-    mark_used(path)
-    try:
-        return int(path.read_text(encoding="ascii"))
-    except (OSError, ValueError):
-        # Not there, or not whole: it is counted anew.
-        number = count()
-    with written_atomically(path) as file:
-        file.write(str(number).encode("ascii"))
-    return number
 
 
 def _key(name: str, opendrive: str) -> str:

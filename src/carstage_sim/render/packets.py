@@ -24,6 +24,7 @@ from carstage_sim.render.simd import (
     largest,
     lowest_bit,
     rays_hit,
+    rows_in_beam,
     triangles_in_beam,
 )
 
@@ -34,6 +35,8 @@ _LEAST_AHEAD: Any = np.float32(0.25)
 _SLACK: Any = np.float32(1e-6)
 _FARTHEST = 3
 """Row of ``rays`` after the three of the shear."""
+_ROW_FARTHEST = 2
+"""Row of ``slopes`` after the least and the largest."""
 _MIDDLE, _REACH, _BOUNDS = 15, 18, 9
 """Places in ``beam`` and ``axes``."""
 
@@ -49,8 +52,10 @@ class PacketScratch(NamedTuple):
         triangle: ``(64,)`` int32 what they met, -1 for nothing.
         beam: ``(19,)`` float32; see :func:`carstage_sim.render.simd.boxes_in_beam`.
         axes: ``(13,)`` float32; see :func:`carstage_sim.render.simd.triangles_in_beam`.
-        slopes: ``(4, 8)`` float32 least and largest slope of each row of eight rays.
+        slopes: ``(5, 8)`` float32 of each row of eight rays; see
+            :func:`carstage_sim.render.simd.rows_in_beam` and ``rows_in_shaft``.
         places: ``(32,)`` float32 slopes of eight triangles.
+        found: ``(3, 64)`` float32 where the rays meet a triangle, and its weights there.
         starts: ``(3, 64)`` float32 origins of parallel rays.
         from_: ``(3, 64)`` float32 places that parallel rays are wanted from.
         wanted: ``(1,)`` int32 how many of them.
@@ -67,6 +72,7 @@ class PacketScratch(NamedTuple):
     axes: NDArray[np.float32]
     slopes: NDArray[np.float32]
     places: NDArray[np.float32]
+    found: NDArray[np.float32]
     starts: NDArray[np.float32]
     from_: NDArray[np.float32]
     wanted: NDArray[np.int32]
@@ -85,8 +91,9 @@ def new_packet_scratch() -> PacketScratch:
         np.empty(PACKET, np.int32),
         np.empty(19, np.float32),
         np.empty(13, np.float32),
-        np.empty((4, _ROWS), np.float32),
+        np.empty((5, _ROWS), np.float32),
         np.empty(4 * LANES, np.float32),
+        np.empty((3, PACKET), np.float32),
         np.empty((3, PACKET), np.float32),
         np.empty((3, PACKET), np.float32),
         np.zeros(1, np.int32),
@@ -177,51 +184,52 @@ def _aim(memory, count):  # type: ignore[no-untyped-def]
 
 
 @device
-def _leaf(geometry, memory, block, main, low, count, farthest):  # type: ignore[no-untyped-def]
+def _leaf(geometry, memory, block, main, low, farthest):  # type: ignore[no-untyped-def]
     """Let a packet's rays meet the triangles of a leaf; the largest parameter that counts then."""
-    rays, tests, slopes, places = memory.rays, memory.single.tests, memory.slopes, memory.places
+    rays, found, slopes, places = memory.rays, memory.found, memory.slopes, memory.places
     kx, ky, kz = (main + 1) % 3, (main + 2) % 3, main
-    groups = (count + LANES - 1) // LANES
     near = triangles_in_beam(geometry.corners, block, memory.axes, memory.beam, farthest, places)
-    changed = False
+    changed = 0
     while near:
         lane = lowest_bit(near)
         near &= near - 1
         index = geometry.numbers[block, lane]
         if index < 0:
             break
+        rows = rows_in_beam(slopes, places, lane)
+        bits = rays_hit(
+            geometry.corners, block, lane, kx, ky, kz, memory.beam, rays, rows, low, found
+        )
         cells = geometry.cells[block, lane]
-        least, most = places[lane], places[LANES + lane]
-        for g in range(groups):
-            if most < slopes[0, g] or least > slopes[1, g]:
-                continue
-            bits = rays_hit(
-                geometry.corners, block, lane, kx, ky, kz, memory.beam, rays, g, low, tests
-            )
-            while bits:
-                k = lowest_bit(bits)
-                bits &= bits - 1
-                i = g * LANES + k
-                t = tests[k]
-                known = memory.triangle[i]
-                # At the very end of the interval nothing counts that came after it.
-                if t < rays[_FARTHEST, i] or (0 <= index < known):
-                    if cells and is_gap(cells, index, tests[LANES + k], tests[2 * LANES + k]):
-                        continue
-                    rays[_FARTHEST, i] = t
-                    memory.triangle[i] = index
-                    memory.weights[0, i] = tests[LANES + k]
-                    memory.weights[1, i] = tests[2 * LANES + k]
-                    changed = True
-    if changed:
-        return largest(rays, _FARTHEST, groups)
-    return farthest
+        while bits:
+            i = lowest_bit(bits)
+            bits &= bits - 1
+            t = found[0, i]
+            known = memory.triangle[i]
+            # At the very end of the interval nothing counts that came after it.
+            if t < rays[_FARTHEST, i] or (0 <= index < known):
+                if cells and is_gap(cells, index, found[1, i], found[2, i]):
+                    continue
+                rays[_FARTHEST, i] = t
+                memory.triangle[i] = index
+                memory.weights[0, i] = found[1, i]
+                memory.weights[1, i] = found[2, i]
+                changed |= 1 << (i // LANES)
+    if not changed:
+        return farthest
+    while changed:
+        g = lowest_bit(changed)
+        changed &= changed - 1
+        slopes[_ROW_FARTHEST, g] = largest(rays, _FARTHEST * _ROWS + g, 1)
+    return largest(slopes, _ROW_FARTHEST, 1)
 
 
 @device
 def _walk_together(geometry, memory, main, low, count, farthest):  # type: ignore[no-untyped-def]
     """Nearest triangles of one hierarchy for all rays of a packet."""
     stack, entries, tests = memory.single.stack, memory.single.entries, memory.single.tests
+    for g in range(_ROWS):
+        memory.slopes[_ROW_FARTHEST, g] = farthest if g * LANES < count else np.float32(-np.inf)
     stack[0] = 0
     entries[0] = low
     depth = 1
@@ -231,7 +239,7 @@ def _walk_together(geometry, memory, main, low, count, farthest):  # type: ignor
             continue
         node = stack[depth]
         if node < 0:
-            farthest = _leaf(geometry, memory, -1 - node, main, low, count, farthest)
+            farthest = _leaf(geometry, memory, -1 - node, main, low, farthest)
             continue
         bits = boxes_in_beam(geometry.planes, node, memory.beam, farthest, tests)
         first = depth

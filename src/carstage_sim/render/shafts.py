@@ -15,10 +15,12 @@ from carstage_sim.render.cast import NOTHING, trace_actors
 from carstage_sim.render.leaves import is_gap
 from carstage_sim.render.simd import (
     LANES,
+    PACKET,
     boxes_in_shaft,
     largest,
     lowest_bit,
     parallel_rays_hit,
+    rows_in_shaft,
     triangles_in_shaft,
 )
 
@@ -28,48 +30,48 @@ _NEAR_M: Any = np.float32(2.0)
 _NEAR_PER_M: Any = np.float32(0.04)
 """Origins of a group are so near to the first one, and farther by the distance of the camera."""
 _FARTHEST = 3
+"""Row of ``rays``."""
+_ROW_FARTHEST = 4
+"""Row of ``slopes``."""
+_ROWS = PACKET // LANES
 _BLOCKED: Any = np.float32(-1)
 
 
 @device
-def _leaf(geometry, memory, block, way, low, groups, any_hit):  # type: ignore[no-untyped-def]
+def _leaf(geometry, memory, block, way, low, any_hit):  # type: ignore[no-untyped-def]
     """Let the rays meet the triangles of a leaf; how many of them were blocked for good."""
-    rays, tests, places = memory.rays, memory.single.tests, memory.places
-    slopes = memory.slopes
+    rays, found, places = memory.rays, memory.found, memory.places
     kx, ky, kz, sx, sy, sz = way
     near = triangles_in_shaft(geometry.corners, block, memory.beam, places)
-    blocked = 0
+    blocked, changed = 0, 0
     while near:
         lane = lowest_bit(near)
         near &= near - 1
         index = geometry.numbers[block, lane]
         if index < 0:
             break
+        rows = rows_in_shaft(memory.slopes, places, lane)
+        bits = parallel_rays_hit(
+            geometry.corners, block, lane, kx, ky, kz, memory.starts, sx, sy, sz, rays, rows,
+            low, found,
+        )  # fmt: skip
         cells = geometry.cells[block, lane]
-        for g in range(groups):
-            if (
-                places[LANES + lane] < slopes[0, g]
-                or places[lane] > slopes[1, g]
-                or places[3 * LANES + lane] < slopes[2, g]
-                or places[2 * LANES + lane] > slopes[3, g]
-            ):
+        while bits:
+            i = lowest_bit(bits)
+            bits &= bits - 1
+            if cells and is_gap(cells, index, found[1, i], found[2, i]):
                 continue
-            bits = parallel_rays_hit(
-                geometry.corners, block, lane, kx, ky, kz, memory.starts, sx, sy, sz, rays, g,
-                low, tests,
-            )  # fmt: skip
-            while bits:
-                k = lowest_bit(bits)
-                bits &= bits - 1
-                if cells and is_gap(cells, index, tests[LANES + k], tests[2 * LANES + k]):
-                    continue
-                i = g * LANES + k
-                memory.triangle[i] = index
-                if any_hit:
-                    rays[_FARTHEST, i] = _BLOCKED
-                    blocked += 1
-                else:
-                    rays[_FARTHEST, i] = tests[k]
+            memory.triangle[i] = index
+            if any_hit:
+                rays[_FARTHEST, i] = _BLOCKED
+                blocked += 1
+                changed |= 1 << (i // LANES)
+            else:
+                rays[_FARTHEST, i] = found[0, i]
+    while changed:
+        g = lowest_bit(changed)
+        changed &= changed - 1
+        memory.slopes[_ROW_FARTHEST, g] = largest(rays, _FARTHEST * _ROWS + g, 1)
     return blocked
 
 
@@ -77,15 +79,16 @@ def _leaf(geometry, memory, block, way, low, groups, any_hit):  # type: ignore[n
 def _walk_along(geometry, memory, way, low, count, any_hit):  # type: ignore[no-untyped-def]
     """What the rays of a group meet in one hierarchy."""
     stack, entries, tests = memory.single.stack, memory.single.entries, memory.single.tests
-    groups = (count + LANES - 1) // LANES
     left = count
+    for g in range(_ROWS):
+        memory.slopes[_ROW_FARTHEST, g] = _ONE if g * LANES < count else _BLOCKED
     stack[0] = 0
     depth = 1
     while depth:
         depth -= 1
         node = stack[depth]
         if node < 0:
-            left -= _leaf(geometry, memory, -1 - node, way, low, groups, any_hit)
+            left -= _leaf(geometry, memory, -1 - node, way, low, any_hit)
             if left == 0:
                 return
             continue
@@ -192,7 +195,7 @@ def _trace_group(scene, memory, d, low, high, skip, any_hit, count):  # type: ig
     way = _enclose(memory, d, high, count)
     if scene.static.planes.shape[0]:
         _walk_along(scene.static, memory, way, low, count, any_hit)
-    if any_hit and largest(memory.rays, _FARTHEST, groups) < np.float32(0):
+    if any_hit and largest(memory.rays, _FARTHEST * _ROWS, groups) < np.float32(0):
         return
     if _meets_instances(scene, memory, skip):
         for i in range(count):

@@ -8,6 +8,7 @@ no operation is contracted or reordered, so all machines agree to the last bit.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
@@ -22,6 +23,11 @@ LANES = 8
 """Children of a node and triangles of a leaf block."""
 PACKET = 64
 """Rays that are traced together."""
+_BEAM_SLACK = 3e-6
+"""Share of a box's largest coordinates that allows for rounding: normals of a beam's sides have
+components below 2.8."""
+_EDGE_SLACK = 1e-5
+"""Share of two corners' distances, multiplied, that allows for the rounding of an edge's side."""
 
 _intrinsic: Decorator = intrinsic
 _array_struct: Any = make_array
@@ -54,9 +60,9 @@ def _load(builder: Any, data: Any, row: Any) -> Any:
     return builder.load(_lane_pointer(builder, data, row), align=4)
 
 
-def _store(builder: Any, value: Any, data: Any, row: int) -> None:
-    pointer = _lane_pointer(builder, data, ir.Constant(_I64, row))
-    builder.store(value, pointer, align=4)
+def _store(builder: Any, value: Any, data: Any, row: Any) -> None:
+    place = ir.Constant(_I64, row) if isinstance(row, int) else row
+    builder.store(value, _lane_pointer(builder, data, place), align=4)
 
 
 def _larger(builder: Any, a: Any, b: Any) -> Any:
@@ -85,10 +91,13 @@ def _unpack(context: Any, builder: Any, signature: Any, args: Any) -> list[Any]:
     return values
 
 
-def _meet(builder: Any, xs: Any, ys: Any, zs: Any, low: Any, high: Any, found: Any) -> Any:
+def _meet(
+    builder: Any, xs: Any, ys: Any, zs: Any, low: Any, high: Any, found: Any, places: Any
+) -> Any:
     """Where eight rays meet eight triangles whose corners are sheared along the rays.
 
-    Stores parameters and weights in ``found``; the bits say which do.
+    Stores parameters and weights in rows ``places`` of ``found``; the bits say which do. Most often
+    no ray is within its triangle's edges: then nothing is stored.
     """
 
     def edge(a: int, b: int) -> Any:
@@ -101,18 +110,50 @@ def _meet(builder: Any, xs: Any, ys: Any, zs: Any, low: Any, high: Any, found: A
     inside = builder.or_(
         builder.fcmp_ordered(">=", least, zero), builder.fcmp_ordered("<=", most, zero)
     )
-    determinant = builder.fadd(builder.fadd(u, v), w)
-    scaled = builder.fadd(
-        builder.fadd(builder.fmul(u, zs[0]), builder.fmul(v, zs[1])), builder.fmul(w, zs[2])
-    )
-    inverse = builder.fdiv(_constant(1.0), determinant)
-    t = builder.fmul(scaled, inverse)
-    within = builder.and_(builder.fcmp_ordered(">=", t, low), builder.fcmp_ordered("<=", t, high))
-    solid = builder.fcmp_ordered("!=", determinant, zero)
-    _store(builder, t, found, 0)
-    _store(builder, builder.fmul(u, inverse), found, 1)
-    _store(builder, builder.fmul(v, inverse), found, 2)
-    return _bits(builder, builder.and_(builder.and_(inside, within), solid))
+    nothing = ir.Constant(_I64, 0)
+    met = _new_variable(builder, nothing)
+    with builder.if_then(builder.icmp_unsigned("!=", _bits(builder, inside), nothing)):
+        determinant = builder.fadd(builder.fadd(u, v), w)
+        scaled = builder.fadd(
+            builder.fadd(builder.fmul(u, zs[0]), builder.fmul(v, zs[1])), builder.fmul(w, zs[2])
+        )
+        inverse = builder.fdiv(_constant(1.0), determinant)
+        t = builder.fmul(scaled, inverse)
+        within = builder.and_(
+            builder.fcmp_ordered(">=", t, low), builder.fcmp_ordered("<=", t, high)
+        )
+        solid = builder.fcmp_ordered("!=", determinant, zero)
+        for value, place in zip(
+            (t, builder.fmul(u, inverse), builder.fmul(v, inverse)), places, strict=True
+        ):
+            _store(builder, value, found, place)
+        bits = _bits(builder, builder.and_(builder.and_(inside, within), solid))
+        builder.store(bits, met)
+    return builder.load(met)
+
+
+def _in_rows(builder: Any, rows: Any, meet_row: Callable[[Any], Any]) -> Any:
+    """``meet_row`` of each row of eight rays whose bit is set; their bits one behind the other."""
+    nothing, one = ir.Constant(_I64, 0), ir.Constant(_I64, 1)
+    left, met = _new_variable(builder, rows), _new_variable(builder, nothing)
+    check, body, end = (builder.append_basic_block(name) for name in ("check", "row", "rows_end"))
+    builder.branch(check)
+    builder.position_at_end(check)
+    value = builder.load(left)
+    builder.cbranch(builder.icmp_unsigned("!=", value, nothing), body, end)
+    builder.position_at_end(body)
+    row = builder.cttz(value, cgutils.true_bit)
+    builder.store(builder.and_(value, builder.sub(value, one)), left)
+    bits = builder.shl(meet_row(row), builder.mul(row, ir.Constant(_I64, LANES)))
+    builder.store(builder.or_(builder.load(met), bits), met)
+    builder.branch(check)
+    builder.position_at_end(end)
+    return builder.load(met)
+
+
+def _rows_of_found(builder: Any, row: Any) -> list[Any]:
+    """Where parameters and weights of eight of 64 rays belong."""
+    return [builder.add(row, ir.Constant(_I64, k * PACKET // LANES)) for k in range(3)]
 
 
 @_intrinsic
@@ -209,7 +250,7 @@ def triangle_hits(  # type: ignore[no-untyped-def]
             ys.append(builder.fsub(y, builder.fmul(shear_y, z)))
             zs.append(builder.fmul(shear_z, z))
         low, high = (_splat(builder, v) for v in values[11:13])
-        return _meet(builder, xs, ys, zs, low, high, values[13])
+        return _meet(builder, xs, ys, zs, low, high, values[13], range(3))
 
     return signature, codegen
 
@@ -225,13 +266,35 @@ def lowest_bit(typing_context, bits):  # type: ignore[no-untyped-def]
 
 
 def _magnitude(builder: Any, value: Any) -> Any:
-    return _larger(builder, value, builder.fsub(_constant(0.0), value))
+    kind = ir.VectorType(_I32, LANES)
+    mask = ir.Constant(kind, [0x7FFFFFFF] * LANES)
+    return builder.bitcast(builder.and_(builder.bitcast(value, kind), mask), _VEC)
 
 
 def _dot(builder: Any, vector: Any, point: Any) -> Any:
     """Product of a direction, eight times the same, and eight points."""
     x, y, z = (builder.fmul(a, b) for a, b in zip(vector, point, strict=True))
     return builder.fadd(builder.fadd(x, y), z)
+
+
+def _reach(builder: Any, low: list[Any], high: list[Any]) -> Any:
+    """Sum of the largest coordinates of eight boxes' corners."""
+    total = None
+    for one, other in zip(low, high, strict=True):
+        part = _larger(builder, _magnitude(builder, one), _magnitude(builder, other))
+        total = part if total is None else builder.fadd(total, part)
+    return total
+
+
+def _span(builder: Any, normal: list[Any], low: list[Any], high: list[Any]) -> tuple[Any, Any]:
+    """Least and largest place of eight boxes along a direction."""
+    least, most = None, None
+    for factor, one, other in zip(normal, low, high, strict=True):
+        a, b = builder.fmul(factor, one), builder.fmul(factor, other)
+        lower, upper = _smaller(builder, a, b), _larger(builder, a, b)
+        least = lower if least is None else builder.fadd(least, lower)
+        most = upper if most is None else builder.fadd(most, upper)
+    return least, most
 
 
 def _corner(builder: Any, data: Any, first: Any, axis: Any, corner: int) -> Any:
@@ -256,8 +319,7 @@ def boxes_in_beam(typing_context, planes, node, beam, farthest, entry):  # type:
         entry: ``(>= 8,)`` float32, receives a parameter before which no ray enters each box.
 
     Returns:
-        int64 whose bit ``k`` says that box ``k`` may be met. A part in a million of the numbers
-        that are added allows for their rounding.
+        int64 whose bit ``k`` says that box ``k`` may be met, with room for rounding.
     """
     signature = types.int64(planes, node, beam, farthest, entry)
 
@@ -280,38 +342,50 @@ def boxes_in_beam(typing_context, planes, node, beam, farthest, entry):  # type:
             ]
             for begin in (0, 3)
         )
-        slack = _constant(1e-6)
-        zero = ir.Constant(_F32, 0.0)
-
-        def extreme(normal: list[Any], most: bool) -> tuple[Any, Any]:
-            """Farthest or nearest place of each box along a normal, and what it may be off."""
-            total, size = None, None
-            for axis in range(3):
-                up = builder.fcmp_ordered(">=" if most else "<", normal[axis], zero)
-                corner = builder.select(up, highest[axis], lowest[axis])
-                part = builder.fmul(_splat(builder, normal[axis]), corner)
-                total = part if total is None else builder.fadd(total, part)
-                reach = _magnitude(builder, part)
-                size = reach if size is None else builder.fadd(size, reach)
-            return total, builder.fmul(size, slack)
-
-        nothing = _constant(0.0)
-        met = None
-        for side in range(4):
-            most, off = extreme([number(3 + 3 * side + axis) for axis in range(3)], True)
-            inside = builder.fcmp_ordered(">=", builder.fadd(most, off), nothing)
-            met = inside if met is None else builder.and_(met, inside)
-        ahead = [number(15 + axis) for axis in range(3)]
-        most, off = extreme(ahead, True)
-        met = builder.and_(met, builder.fcmp_ordered(">=", builder.fadd(most, off), nothing))
-        least, off = extreme(ahead, False)
-        enters = builder.fmul(builder.fsub(least, off), _splat(builder, number(18)))
-        enters = _larger(builder, enters, nothing)
+        slack = builder.fmul(_reach(builder, lowest, highest), _constant(_BEAM_SLACK))
+        least_off = builder.fsub(_constant(0.0), slack)
+        met = builder.fcmp_ordered("<=", lowest[0], highest[0])
+        for side in range(5):
+            normal = [_splat(builder, number(3 + 3 * side + axis)) for axis in range(3)]
+            least, most = _span(builder, normal, lowest, highest)
+            met = builder.and_(met, builder.fcmp_ordered(">=", most, least_off))
+        enters = builder.fmul(builder.fsub(least, slack), _splat(builder, number(18)))
+        enters = _larger(builder, enters, _constant(0.0))
         met = builder.and_(met, builder.fcmp_ordered("<=", enters, _splat(builder, far)))
         _store(builder, enters, out, 0)
         return _bits(builder, met)
 
     return signature, codegen
+
+
+def _straddled(builder: Any, points: list[Any], sizes: list[Any], bounds: list[Any]) -> Any:
+    """Whether no edge of eight triangles keeps all of a beam on its outer side.
+
+    Args:
+        builder: LLVM's.
+        points: the three corners, seen from the beam's origin: across it and ahead.
+        sizes: how far they are, about.
+        bounds: least and largest slopes of the beam's rays.
+    """
+    leftmost, rightmost = None, None
+    for one, other in ((0, 1), (1, 2), (2, 0)):
+        (ax, ay, az), (bx, by, bz) = points[one], points[other]
+
+        def minor(a: Any, b: Any, c: Any, d: Any) -> Any:
+            return builder.fsub(builder.fmul(a, b), builder.fmul(c, d))
+
+        normal = [minor(ay, bz, az, by), minor(az, bx, ax, bz)]
+        least, most = _span(builder, normal, [bounds[0], bounds[2]], [bounds[1], bounds[3]])
+        ahead = minor(ax, by, ay, bx)
+        slack = builder.fmul(builder.fmul(sizes[one], sizes[other]), _constant(_EDGE_SLACK))
+        most = builder.fadd(builder.fadd(most, ahead), slack)
+        least = builder.fsub(builder.fadd(least, ahead), slack)
+        leftmost = most if leftmost is None else _smaller(builder, leftmost, most)
+        rightmost = least if rightmost is None else _larger(builder, rightmost, least)
+    zero = _constant(0.0)
+    return builder.or_(
+        builder.fcmp_unordered(">=", leftmost, zero), builder.fcmp_unordered("<=", rightmost, zero)
+    )
 
 
 @_intrinsic
@@ -326,8 +400,8 @@ def triangles_in_beam(typing_context, corners, block, axes, beam, farthest, plac
             least and largest slopes of its rays along the two.
         beam: as for :func:`boxes_in_beam`.
         farthest: ray parameter beyond which no hit is wanted.
-        places: ``(>= 16,)`` float32, receives the least and largest slope of each triangle along
-            the second direction.
+        places: ``(>= 24,)`` float32, receives the least and largest slope of each triangle along
+            the second direction, and a parameter before which no ray meets it.
 
     Returns:
         int64 whose bit ``k`` says that triangle ``k`` may be met.
@@ -347,6 +421,8 @@ def triangles_in_beam(typing_context, corners, block, axes, beam, farthest, plac
         least: list[Any] = [None] * 3
         most: list[Any] = [None] * 3
         slack, nearest = None, None
+        points: list[Any] = []
+        sizes: list[Any] = []
         one, tiny = _constant(1.0), _constant(1e-6)
         for corner in range(3):
             point = [
@@ -361,6 +437,8 @@ def triangles_in_beam(typing_context, corners, block, axes, beam, farthest, plac
                 builder.fadd(_magnitude(builder, point[0]), _magnitude(builder, point[1])),
                 _magnitude(builder, point[2]),
             )
+            points.append((right, up, ahead))
+            sizes.append(size)
             inverse = builder.fdiv(one, ahead)
             size = builder.fmul(size, tiny)
             off = builder.fmul(size, inverse)
@@ -390,19 +468,19 @@ def triangles_in_beam(typing_context, corners, block, axes, beam, farthest, plac
         reach = builder.fmul(nearest, number(sides, 18))
         near = builder.fcmp_ordered("<=", reach, _splat(builder, far))
         huge = 3.0e38
-        _store(builder, builder.select(front, rows[0], _constant(-huge)), out, 0)
-        _store(builder, builder.select(front, rows[1], _constant(huge)), out, 1)
+        for k, (value, otherwise) in enumerate(((rows[0], -huge), (rows[1], huge), (reach, -huge))):
+            _store(builder, builder.select(front, value, _constant(otherwise)), out, k)
         met = builder.select(front, builder.and_(within, near), somewhere)
-        return _bits(builder, met)
+        return _bits(builder, builder.and_(met, _straddled(builder, points, sizes, bounds)))
 
     return signature, codegen
 
 
 @_intrinsic
 def rays_hit(  # type: ignore[no-untyped-def]
-    typing_context, corners, block, lane, kx, ky, kz, beam, rays, row, low, found
+    typing_context, corners, block, lane, kx, ky, kz, beam, rays, rows, low, found
 ):
-    """Which of eight rays of one origin meet a triangle, at most as far as they have come.
+    """Which of 64 rays of one origin meet a triangle, at most as far as they have come.
 
     The operations are those of :func:`triangle_hits`, in the same order: the results are equal.
 
@@ -414,48 +492,54 @@ def rays_hit(  # type: ignore[no-untyped-def]
         beam: as for :func:`boxes_in_beam`.
         rays: ``(4, PACKET)`` float32 for each ray: its shear, and the largest parameter that
             counts.
-        row: which eight of the rays.
+        rows: a bit for each eight of the rays that are asked.
         low: smallest parameter that counts.
-        found: as for :func:`triangle_hits`.
+        found: ``(3, PACKET)`` float32, receives what :func:`triangle_hits` finds, of each ray.
 
     Returns:
         int64 whose bit ``k`` says that ray ``k`` meets the triangle.
     """
-    signature = types.int64(corners, block, lane, kx, ky, kz, beam, rays, row, low, found)
+    signature = types.int64(corners, block, lane, kx, ky, kz, beam, rays, rows, low, found)
 
     def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
         data, number, place, *axes, sides, lanes, which, least, out = _unpack(
             context, builder, signature, args
         )
-        shear_x, shear_y, shear_z, farthest = (
-            _load(builder, lanes, builder.add(ir.Constant(_I64, k * PACKET // LANES), which))
-            for k in range(4)
-        )
         first = builder.mul(number, ir.Constant(_I64, 9 * LANES))
         first = builder.add(first, place)
         origin = [builder.load(builder.gep(sides, [axis])) for axis in axes]
-        xs, ys, zs = [], [], []
-        for corner in range(3):
-            x, y, z = (
+        seen = [
+            [
                 _splat(builder, builder.fsub(_corner(builder, data, first, axis, corner), start))
                 for axis, start in zip(axes, origin, strict=True)
+            ]
+            for corner in range(3)
+        ]
+        low = _splat(builder, least)
+
+        def meet_row(row: Any) -> Any:
+            shear_x, shear_y, shear_z, farthest = (
+                _load(builder, lanes, builder.add(ir.Constant(_I64, k * PACKET // LANES), row))
+                for k in range(4)
             )
-            xs.append(builder.fsub(x, builder.fmul(shear_x, z)))
-            ys.append(builder.fsub(y, builder.fmul(shear_y, z)))
-            zs.append(builder.fmul(shear_z, z))
-        return _meet(builder, xs, ys, zs, _splat(builder, least), farthest, out)
+            xs = [builder.fsub(x, builder.fmul(shear_x, z)) for x, _, z in seen]
+            ys = [builder.fsub(y, builder.fmul(shear_y, z)) for _, y, z in seen]
+            zs = [builder.fmul(shear_z, z) for _, _, z in seen]
+            places = _rows_of_found(builder, row)
+            return _meet(builder, xs, ys, zs, low, farthest, out, places)
+
+        return _in_rows(builder, which, meet_row)
 
     return signature, codegen
 
 
 @_intrinsic
-def largest(typing_context, rays, row, groups):  # type: ignore[no-untyped-def]
-    """Largest of the first ``8 * groups`` numbers in a row of ``(R, PACKET)`` float32."""
-    signature = types.float32(rays, row, groups)
+def largest(typing_context, numbers, begin, groups):  # type: ignore[no-untyped-def]
+    """Largest of ``8 * groups`` float32 numbers from number ``8 * begin`` on."""
+    signature = types.float32(numbers, begin, groups)
 
     def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
-        data, which, count = _unpack(context, builder, signature, args)
-        first = builder.mul(which, ir.Constant(_I64, PACKET // LANES))
+        data, first, count = _unpack(context, builder, signature, args)
         most = _new_variable(builder, _load(builder, data, first))
         with cgutils.for_range(builder, count) as loop:
             value = _load(builder, data, builder.add(first, loop.index))
@@ -477,31 +561,6 @@ def _numbers(builder: Any, array: Any, places: range) -> list[Any]:
         _splat(builder, builder.load(builder.gep(array, [ir.Constant(_I64, place)])))
         for place in places
     ]
-
-
-def _span(builder: Any, normal: list[Any], low: list[Any], high: list[Any]) -> tuple[Any, Any]:
-    """Least and largest place of eight boxes along a direction, with room for rounding."""
-    zero = _constant(0.0)
-    sums: list[Any] = [None, None]
-    sizes: list[Any] = [None, None]
-    for axis in range(3):
-        up = builder.fcmp_ordered(">=", normal[axis], zero)
-        for k, corner in enumerate(
-            (
-                builder.select(up, low[axis], high[axis]),
-                builder.select(up, high[axis], low[axis]),
-            )
-        ):
-            part = builder.fmul(normal[axis], corner)
-            reach = _magnitude(builder, part)
-            held, size = sums[k], sizes[k]
-            sums[k] = part if held is None else builder.fadd(held, part)
-            sizes[k] = reach if size is None else builder.fadd(size, reach)
-    slack = _constant(1e-6)
-    return (
-        builder.fsub(sums[0], builder.fmul(sizes[0], slack)),
-        builder.fadd(sums[1], builder.fmul(sizes[1], slack)),
-    )
 
 
 def _overlap(builder: Any, spans: list[tuple[Any, Any]], bounds: list[Any]) -> Any:
@@ -542,12 +601,16 @@ def boxes_in_shaft(typing_context, planes, node, shaft, entry):  # type: ignore[
             )
             for k in range(6)
         ]
-        spans = [
-            _span(builder, _numbers(builder, numbers, range(k, k + 3)), sides[:3], sides[3:])
-            for k in (3, 6, 9)
-        ]
+        slack = builder.fmul(_reach(builder, sides[:3], sides[3:]), _constant(1e-6))
+        spans = []
+        for k in (3, 6, 9):
+            vector = _numbers(builder, numbers, range(k, k + 3))
+            least, most = _span(builder, vector, sides[:3], sides[3:])
+            spans.append((builder.fsub(least, slack), builder.fadd(most, slack)))
         _store(builder, spans[2][0], out, 0)
-        return _bits(builder, _overlap(builder, spans, _numbers(builder, numbers, range(12, 18))))
+        met = _overlap(builder, spans, _numbers(builder, numbers, range(12, 18)))
+        exists = builder.fcmp_ordered("<=", sides[0], sides[3])
+        return _bits(builder, builder.and_(met, exists))
 
     return signature, codegen
 
@@ -609,9 +672,9 @@ def triangles_in_shaft(typing_context, corners, block, shaft, places):  # type: 
 
 @_intrinsic
 def parallel_rays_hit(  # type: ignore[no-untyped-def]
-    typing_context, corners, block, lane, kx, ky, kz, starts, sx, sy, sz, rays, row, low, found
+    typing_context, corners, block, lane, kx, ky, kz, starts, sx, sy, sz, rays, rows, low, found
 ):
-    """Which of eight parallel rays meet a triangle, at most as far as they have come.
+    """Which of 64 parallel rays meet a triangle, at most as far as they have come.
 
     The operations are those of :func:`triangle_hits`, in the same order: the results are equal.
 
@@ -621,15 +684,15 @@ def parallel_rays_hit(  # type: ignore[no-untyped-def]
         lane: the triangle.
         starts: ``(3, PACKET)`` float32 origins of the rays.
         rays: ``(4, PACKET)`` float32, in its last row the largest parameter that counts.
-        row: which eight of the rays.
+        rows: a bit for each eight of the rays that are asked.
         low: smallest parameter that counts.
-        found: as for :func:`triangle_hits`.
+        found: as for :func:`rays_hit`.
 
     Returns:
         int64 whose bit ``k`` says that ray ``k`` meets the triangle.
     """
     signature = types.int64(
-        corners, block, lane, kx, ky, kz, starts, sx, sy, sz, rays, row, low, found
+        corners, block, lane, kx, ky, kz, starts, sx, sy, sz, rays, rows, low, found
     )
 
     def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
@@ -637,22 +700,102 @@ def parallel_rays_hit(  # type: ignore[no-untyped-def]
             context, builder, signature, args
         )
         stride = ir.Constant(_I64, PACKET // LANES)
-        start = [
-            _load(builder, origins, builder.add(builder.mul(axis, stride), which)) for axis in axes
-        ]
         shear_x, shear_y, shear_z = (_splat(builder, value) for value in (sx, sy, sz))
-        last = ir.Constant(_I64, 3 * PACKET // LANES)
-        farthest = _load(builder, lanes, builder.add(last, which))
         first = builder.add(builder.mul(number, ir.Constant(_I64, 9 * LANES)), place)
-        xs, ys, zs = [], [], []
-        for corner in range(3):
-            x, y, z = (
-                builder.fsub(_splat(builder, _corner(builder, data, first, axis, corner)), start[k])
-                for k, axis in enumerate(axes)
-            )
-            xs.append(builder.fsub(x, builder.fmul(shear_x, z)))
-            ys.append(builder.fsub(y, builder.fmul(shear_y, z)))
-            zs.append(builder.fmul(shear_z, z))
-        return _meet(builder, xs, ys, zs, _splat(builder, least), farthest, out)
+        corner_at = [
+            [_splat(builder, _corner(builder, data, first, axis, corner)) for axis in axes]
+            for corner in range(3)
+        ]
+        low = _splat(builder, least)
+
+        def meet_row(row: Any) -> Any:
+            start = [
+                _load(builder, origins, builder.add(builder.mul(axis, stride), row))
+                for axis in axes
+            ]
+            last = ir.Constant(_I64, 3 * PACKET // LANES)
+            farthest = _load(builder, lanes, builder.add(last, row))
+            xs, ys, zs = [], [], []
+            for corner in corner_at:
+                x, y, z = (builder.fsub(a, b) for a, b in zip(corner, start, strict=True))
+                xs.append(builder.fsub(x, builder.fmul(shear_x, z)))
+                ys.append(builder.fsub(y, builder.fmul(shear_y, z)))
+                zs.append(builder.fmul(shear_z, z))
+            places = _rows_of_found(builder, row)
+            return _meet(builder, xs, ys, zs, low, farthest, out, places)
+
+        return _in_rows(builder, which, meet_row)
+
+    return signature, codegen
+
+
+def _rows_between(
+    builder: Any, bounds: Any, places: Any, lane: Any, spans: int
+) -> tuple[Any, Callable[[int], Any]]:
+    """Which rows of rays a triangle may reach across them; how to read its further places."""
+
+    def place(row: int) -> Any:
+        index = builder.add(lane, ir.Constant(_I64, row * LANES))
+        return _splat(builder, builder.load(builder.gep(places, [index])))
+
+    met = None
+    for k in range(spans):
+        low, high = (_load(builder, bounds, ir.Constant(_I64, 2 * k + end)) for end in range(2))
+        both = builder.and_(
+            builder.fcmp_unordered(">=", place(2 * k + 1), low),
+            builder.fcmp_unordered("<=", place(2 * k), high),
+        )
+        met = both if met is None else builder.and_(met, both)
+    return met, place
+
+
+@_intrinsic
+def rows_in_beam(typing_context, bounds, places, lane):  # type: ignore[no-untyped-def]
+    """Which rows of eight rays of a beam a triangle may be met by.
+
+    Args:
+        typing_context: numba's.
+        bounds: ``(>= 3, 8)`` float32 least and largest slope of each row along the second
+            direction, and the parameter beyond which none of its rays wants a hit.
+        places: as :func:`triangles_in_beam` leaves it.
+        lane: the triangle.
+
+    Returns:
+        int64 with a bit for each row.
+    """
+    signature = types.int64(bounds, places, lane)
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        rows, data, number = _unpack(context, builder, signature, args)
+        met, place = _rows_between(builder, rows, data, number, 1)
+        farthest = _load(builder, rows, ir.Constant(_I64, 2))
+        near = builder.fcmp_unordered("<=", place(2), farthest)
+        return _bits(builder, builder.and_(met, near))
+
+    return signature, codegen
+
+
+@_intrinsic
+def rows_in_shaft(typing_context, bounds, places, lane):  # type: ignore[no-untyped-def]
+    """Which rows of eight parallel rays a triangle may be met by.
+
+    Args:
+        typing_context: numba's.
+        bounds: ``(>= 5, 8)`` float32 least and largest place of each row along the first and along
+            the second direction across the rays, and a negative number where a row wants no hit.
+        places: as :func:`triangles_in_shaft` leaves it.
+        lane: the triangle.
+
+    Returns:
+        int64 with a bit for each row.
+    """
+    signature = types.int64(bounds, places, lane)
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        rows, data, number = _unpack(context, builder, signature, args)
+        met, _ = _rows_between(builder, rows, data, number, 2)
+        farthest = _load(builder, rows, ir.Constant(_I64, 4))
+        wanted = builder.fcmp_ordered(">=", farthest, _constant(0.0))
+        return _bits(builder, builder.and_(met, wanted))
 
     return signature, codegen

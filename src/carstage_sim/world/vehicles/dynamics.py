@@ -27,6 +27,9 @@ defaults of Unreal's vehicles, on which CARLA's are built."""
 ENGINE_LAG_S, BRAKE_LAG_S = 0.25, 0.15
 """Time constants with which torque follows the throttle and brake pressure the pedal; adaptive
 cruise control is designed for such lags (Rajamani, chapters 5 and 6)."""
+STEERING_LAG_S = 0.08
+"""Time constant with which the wheels follow the steering wheel through rods and bushes. Without
+it the steps of a controller that aims at points on the lane, one after the other, are felt."""
 CORNERING_STIFFNESS = 12.0
 """Of an axle, as a multiple of its load, 1/rad: cars have 10 to 15 (Rajamani, "Vehicle Dynamics and
 Control", chapter 2)."""
@@ -128,8 +131,8 @@ def next_pedal(works, target, lag_s, dt_s):  # type: ignore[no-untyped-def]
 
 @device
 def next_steer_angle(angle_deg, target_deg, max_deg, dt_s):  # type: ignore[no-untyped-def]
-    """Front wheel angle after one substep, degrees: towards the target at a bounded rate."""
-    change = target_deg - angle_deg
+    """Front wheel angle after one substep, degrees: with a lag and at a bounded rate."""
+    change = (target_deg - angle_deg) * (1.0 - math.exp(-dt_s / STEERING_LAG_S))
     outwards = change * angle_deg >= 0.0
     bound = (STEERED_OUT_PER_S if outwards else STEERED_BACK_PER_S) * max_deg * dt_s
     return angle_deg + min(max(change, -bound), bound)

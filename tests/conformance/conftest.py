@@ -5,4 +5,6 @@ import pytest
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--write-table", action="store_true", help="write docs/client-api-coverage.md")
-    parser.addoption("--only-names", default="", help="try only names of the client with this part")
+    parser.addoption(
+        "--only-names", help="try only names of the client with this part; an empty one tries all"
+    )

@@ -1,8 +1,8 @@
-"""A small dataset of one drive with and without patches on boards, a lorry and a person."""
+"""A small dataset of one drive with and without patches: one of each kind, near enough to see."""
 
 from __future__ import annotations
 
-FRAMES = 5
+FRAMES = 4
 CONFIG = f"""
 name: patches
 seed: 11
@@ -14,20 +14,22 @@ vehicles:
   count: 4
   groups: [{{filter: "vehicle.carlamotors.*", count: 3}}]
 pedestrians: {{count: 6}}
-image_size: [320, 180]
-timing: {{warmup_ticks: 5}}
+image_size: [640, 360]
+timing: {{warmup_ticks: 3}}
 conversion: {{workers: 1}}
 supervision: {{hang_s: 240}}
 patches:
-  - {{target: billboard, pattern: noise, size: 0.9, distance_m: 14}}
-  - {{target: billboard, pattern: blobs, side: left, distance_m: [16, 30]}}
-  - {{target: shop_front, pattern: checker, distance_m: [10, 30]}}
-  - {{target: vehicle_rear, pattern: noise, size: 0.8}}
-  - {{target: person, pattern: checker}}
+  - {{target: billboard, pattern: blobs, distance_m: [16, 20], size: [0.7, 0.9]}}
+  - {{target: shop_front, pattern: checker, distance_m: [8, 16], size: [0.8, 0.9]}}
+  - {{target: vehicle_rear, pattern: noise, distance_m: [9, 12], size: [0.7, 0.9]}}
+  - {{target: person, pattern: checker, distance_m: [9, 12], size: 0.9}}
 rig:
   sensors:
-    - {{id: CAM_FRONT, kind: rgb, pose: {{x: 1.5, z: 1.6}}}}
-    - {{id: CAM_BACK, kind: rgb, pose: {{x: -1.5, z: 1.6, yaw_deg: 180}}}}
-    - {{id: DEPTH_FRONT, kind: depth, pose: {{x: 1.5, z: 1.6}}}}
+    - {{id: CAM_FRONT, kind: rgb, pose: {{x: 1.5, z: 1.6}}, attributes: {{fov_deg: 60}}}}
+    - id: CAM_RIGHT
+      kind: rgb
+      pose: {{x: 1.5, z: 1.6, yaw_deg: 34}}
+      attributes: {{fov_deg: 32}}
+    - {{id: DEPTH_FRONT, kind: depth, pose: {{x: 1.5, z: 1.6}}, attributes: {{fov_deg: 60}}}}
     - {{id: LIDAR, kind: lidar, pose: {{z: 2.0}}, attributes: {{channels: 16}}}}
 """

@@ -9,11 +9,18 @@ from __future__ import annotations
 
 import logging
 import math
-from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 import carla
 
 from carstage.collector.actors import find_blueprint
+from carstage.collector.patch_carriers import (
+    Carriers,
+    beyond_road,
+    large_vehicles,
+    places_ahead,
+    to_side,
+)
 from carstage.collector.scenario import Population
 from carstage.collector.world import WorldSession
 from carstage.spec import EpisodeSpec
@@ -27,25 +34,24 @@ from carstage.spec.patches import (
     patch_place,
 )
 
-TRIES_M = (0.0, 2.0, -2.0, 4.0, -4.0, 6.0, 9.0, 12.0, 16.0, 20.0, 25.0)
-"""Places along the lane, from the wanted one on."""
-STEP_M = 0.5
-WIDEST_M = 30.0
-"""No road's edge is farther from the middle of a lane."""
-BESIDE_M = 1.0
-"""Of a billboard from the road's edge."""
+BESIDE_M = 0.3
+"""Between a billboard and the road's edge."""
 TURNED_DEG = 20.0
 """A billboard is turned that far towards the road."""
 CAST_M = 45.0
 WALL_M = 0.08
 """Between a wall and the board on it."""
+WALL_ALONG = (-1.0, -0.5, 0.0, 0.5, 1.0)
+"""Where a wall is looked for, as shares of half a board."""
+RECESS_M = 0.8
+"""Parts of a wall may be so far behind what is foremost: windows and doors."""
+STEEPEST = 1.0
+"""Of a wall to the road: 45 degrees."""
 SHOP_BOTTOM_M = 1.6
 """Of the board on a wall, above the ground."""
 REAR_M = 0.05
 CHEST_M = 0.12
 """Between a vehicle's rear, or a person, and the board."""
-LEAST_WIDTH_M = 2.0
-"""Of vehicles that carry a board."""
 
 _log = logging.getLogger(__name__)
 
@@ -75,7 +81,7 @@ class _Pose(NamedTuple):
 
 
 def place_patches(
-    session: WorldSession, spec: EpisodeSpec, population: Population
+    session: WorldSession, spec: EpisodeSpec, population: Population, carriers: Carriers
 ) -> List[PlacedPatch]:
     """Spawn the boards of an episode and put the pictures on them.
 
@@ -85,6 +91,8 @@ def place_patches(
         session: the episode's world; everybody is in its newest frame.
         spec: the episode.
         population: who was spawned.
+        carriers: who was put where the ego will see them; other patches that are carried get the
+            nearest to where they are wanted.
 
     Raises:
         SceneError: the server lacks a board.
@@ -94,12 +102,17 @@ def place_patches(
         path = "patches[%d].board" % number
         blueprint = find_blueprint(session.world.get_blueprint_library(), patch.board, path)
         known = set(session.world.get_names_of_all_objects())
-        found = _spawn(session, population, patch, blueprint, {one.target_id for one in placed})
+        taken = {one.target_id for one in placed}
+        taken |= {actor.id for name, actor in carriers.items() if name != patch.name}
+        own = carriers.get(patch.name)
+        found = _spawn(session, population, patch, blueprint, taken, own)
         if found is None:
             _log.warning("%s: no place for a patch on a %s", patch.name, patch.target)
             continue
         board, parent = found
         session.destroy_on_exit("board %d" % board.id, board)
+        if parent is not None and hasattr(board, "set_collisions"):  # not before 0.9.15
+            board.set_collisions(False)  # else it pushes who carries it
         names = [name for name in session.world.get_names_of_all_objects() if name not in known]
         texture = _texture(patch, _extent(board))
         diffuse = carla.MaterialParameter.Diffuse
@@ -123,7 +136,8 @@ def _spawn(
     population: Population,
     patch: PatchSpec,
     blueprint: Any,
-    taken: Any,
+    taken: Set[int],
+    own: Optional[Any],
 ) -> Optional[Tuple[Any, Optional[Any]]]:
     """The board and who carries it, or None if there is no room.
 
@@ -136,7 +150,7 @@ def _spawn(
     box, extent = model.bounding_box.location, _extent(model)
     session.client.apply_batch_sync([carla.command.DestroyActor(model.id)], False)
     middle = (box.x, box.y, box.z)
-    for pose in _poses(session, population, patch, extent, taken):
+    for pose in _poses(session, population, patch, extent, taken, own):
         transform = _transform(pose, middle, extent)
         board = session.try_spawn(blueprint, transform, pose.parent)
         if board is not None:
@@ -145,114 +159,117 @@ def _spawn(
 
 
 def _poses(
-    session: WorldSession, population: Population, patch: PatchSpec, extent: Vector, taken: Any
+    session: WorldSession,
+    population: Population,
+    patch: PatchSpec,
+    extent: Vector,
+    taken: Set[int],
+    own: Optional[Any],
 ) -> Iterator[_Pose]:
     """Poses to try, the best first."""
-    half_m = extent[board_face(extent).up]
     if patch.target not in (BILLBOARD, SHOP_FRONT):
-        yield from _carried(population, patch, taken)
+        nearest = _nearest(population, patch, taken)
+        for actor in nearest if own is None else [own, *nearest]:
+            yield _carried(patch, actor)
         return
     start = session.map.get_waypoint(population.ego.get_location())
-    for more_m in TRIES_M:
-        ahead_m = patch.distance_m + more_m
-        places = start.next(ahead_m) if ahead_m > 0.0 else []
-        if not places or places[0].is_junction:
-            continue
+    for place in places_ahead(start, patch.distance_m):
         if patch.target == BILLBOARD:
-            yield _beside_road(session, places[0], patch.side, half_m)
+            yield _beside_road(session, place, patch.side, extent)
         else:
-            wall = _on_wall(session, places[0], patch.side, half_m)
+            wall = _on_wall(session, place, patch.side, extent)
             if wall is not None:
                 yield wall
 
 
-def _right(transform: Any, side: str) -> Tuple[float, float]:
-    """Unit vector across the road towards a side."""
-    yaw = math.radians(transform.rotation.yaw)
-    sign = 1.0 if side == "right" else -1.0
-    return -math.sin(yaw) * sign, math.cos(yaw) * sign
-
-
-def _beside_road(session: WorldSession, place: Any, side: str, half_m: float) -> _Pose:
-    at, (x, y) = place.transform.location, _right(place.transform, side)
-    away_m = 0.5 * float(place.lane_width)
-    while away_m < WIDEST_M:
-        spot = carla.Location(at.x + x * away_m, at.y + y * away_m, at.z)
-        lane = session.map.get_waypoint(spot, False, carla.LaneType.Any)
-        if lane is None or lane.lane_type == carla.LaneType.Sidewalk:
-            break
-        away_m += STEP_M
-    away_m += BESIDE_M
+def _beside_road(session: WorldSession, place: Any, side: str, extent: Vector) -> _Pose:
+    face = board_face(extent)
+    at, (x, y) = place.transform.location, to_side(place.transform, side)
+    away_m = beyond_road(session, place, side)[0] + BESIDE_M + extent[face.across]
     ground = carla.Location(at.x + x * away_m, at.y + y * away_m, at.z + 2.0)
     met = session.world.ground_projection(ground, 10.0)
     z = at.z if met is None else met.location.z
     turn = TURNED_DEG if side == "right" else -TURNED_DEG
     yaw_deg = place.transform.rotation.yaw + 180.0 + turn
-    return _Pose((ground.x, ground.y, z + half_m + 0.05), yaw_deg, None)
+    return _Pose((ground.x, ground.y, z + extent[face.up] + 0.05), yaw_deg, None)
 
 
-def _on_wall(session: WorldSession, place: Any, side: str, half_m: float) -> Optional[_Pose]:
-    """On the building beside the road, if there is one, along its wall."""
-    at, (x, y) = place.transform.location, _right(place.transform, side)
-    height_m = SHOP_BOTTOM_M + half_m
-    met = []
-    for along_m in (-0.8, 0.8):
-        start = carla.Location(
-            at.x - abs(along_m) / along_m * y * 0.8,
-            at.y + abs(along_m) / along_m * x * 0.8,
-            at.z + height_m,
-        )
-        hit = session.world.project_point(start, carla.Vector3D(x, y, 0.0), CAST_M)
-        if hit is None or hit.label != carla.CityObjectLabel.Buildings:
-            return None
-        met.append(hit.location)
-    first, second = met
-    wall_x, wall_y = second.x - first.x, second.y - first.y
-    length = math.hypot(wall_x, wall_y)
-    if length < 0.1 or length > 2.5:
+def _on_wall(session: WorldSession, place: Any, side: str, extent: Vector) -> Optional[_Pose]:
+    """On the building beside the road, if there is one, touching what of its wall is foremost."""
+    face = board_face(extent)
+    half_m = extent[face.up]
+    at, (x, y) = place.transform.location, to_side(place.transform, side)
+    met: List[Tuple[float, float]] = []
+    for along in WALL_ALONG:
+        for up in (-1.0, 0.0, 1.0):
+            along_m, height_m = along * extent[face.across], SHOP_BOTTOM_M + half_m + up * half_m
+            start = carla.Location(at.x - y * along_m, at.y + x * along_m, at.z + height_m)
+            hit = session.world.project_point(start, carla.Vector3D(x, y, 0.0), CAST_M)
+            if hit is None or hit.label != carla.CityObjectLabel.Buildings:
+                return None
+            away_m = (hit.location.x - at.x) * x + (hit.location.y - at.y) * y
+            met.append((along_m, away_m))
+    found = _foremost(met)
+    if found is None:
         return None
-    nx, ny = wall_y / length, -wall_x / length
-    if nx * x + ny * y > 0.0:
-        nx, ny = -nx, -ny
-    middle_x, middle_y = 0.5 * (first.x + second.x), 0.5 * (first.y + second.y)
-    center = (middle_x + nx * WALL_M, middle_y + ny * WALL_M, at.z + height_m)
-    return _Pose(center, math.degrees(math.atan2(ny, nx)), None)
+    away_m, slope = found
+    away_m -= WALL_M * math.hypot(1.0, slope)
+    yaw = math.atan2(slope * x - y, -slope * y - x)
+    center = (at.x + x * away_m, at.y + y * away_m, at.z + SHOP_BOTTOM_M + half_m)
+    return _Pose(center, math.degrees(yaw), None)
 
 
-def _carried(population: Population, patch: PatchSpec, taken: Any) -> Iterator[_Pose]:
-    """On the rear of a vehicle, or before the chest of a person; the best first."""
+def _foremost(met: Sequence[Tuple[float, float]]) -> Optional[Tuple[float, float]]:
+    """The line before a wall that touches it on both sides of the middle.
+
+    Args:
+        met: places of the wall seen from the road: along it, and how far away, m.
+
+    Returns:
+        How far away the line is in the middle, and by how much that grows along it; None if the
+        wall is no plane: parts of it are far behind, or it is steep.
+    """
+    for one in met:
+        for other in met:
+            if one[0] > 0.0 or other[0] <= 0.0:
+                continue
+            slope = (other[1] - one[1]) / (other[0] - one[0])
+            behind = [away - one[1] - slope * (along - one[0]) for along, away in met]
+            if min(behind) >= -1e-6:
+                is_wall = max(behind) <= RECESS_M and abs(slope) <= STEEPEST
+                return (one[1] - slope * one[0], slope) if is_wall else None
+    return None
+
+
+def _nearest(population: Population, patch: PatchSpec, taken: Set[int]) -> List[Any]:
+    """Vehicles, or people, from the nearest to where a patch is wanted on; ahead of the ego first.
+
+    A vehicle whose rear looks away from the ego comes after those whose rear does not.
+    """
     rear = patch.target == VEHICLE_REAR
-    if rear:
-        actors = [
-            vehicle
-            for vehicle in population.vehicles
-            if 2.0 * vehicle.bounding_box.extent.y >= LEAST_WIDTH_M
-        ]
-    else:
-        actors = [walker.actor for walker in population.walkers]
+    actors = large_vehicles(population) if rear else [one.actor for one in population.walkers]
     ego = population.ego.get_transform()
     forward = ego.get_forward_vector()
 
-    def off_m(actor: Any) -> Tuple[float, int]:
-        at = actor.get_location()
+    def order(actor: Any) -> Tuple[bool, bool, float, int]:
+        at, heading = actor.get_location(), actor.get_transform().get_forward_vector()
         x, y = at.x - ego.location.x, at.y - ego.location.y
-        ahead = x * forward.x + y * forward.y > 0.0
-        return (
-            abs(math.hypot(x, y) - patch.distance_m) + (0.0 if ahead else 1000.0),
-            int(actor.id),
-        )
+        behind = x * forward.x + y * forward.y <= 0.0
+        away = rear and x * heading.x + y * heading.y <= 0.0
+        return behind, away, abs(math.hypot(x, y) - patch.distance_m), int(actor.id)
 
-    for actor in sorted(actors, key=off_m):
-        if actor.id in taken:
-            continue
-        box = actor.bounding_box
-        if rear:
-            center = (box.location.x - box.extent.x - REAR_M, box.location.y, box.location.z)
-            yield _Pose(center, 180.0, actor)
-        else:
-            height_m = box.location.z + 0.25 * box.extent.z
-            center = (box.location.x + box.extent.x + CHEST_M, box.location.y, height_m)
-            yield _Pose(center, 0.0, actor)
+    return sorted((actor for actor in actors if actor.id not in taken), key=order)
+
+
+def _carried(patch: PatchSpec, actor: Any) -> _Pose:
+    """On the rear of a vehicle, or before the chest of a person."""
+    box = actor.bounding_box
+    if patch.target == VEHICLE_REAR:
+        center = (box.location.x - box.extent.x - REAR_M, box.location.y, box.location.z)
+        return _Pose(center, 180.0, actor)
+    height_m = box.location.z + 0.25 * box.extent.z
+    center = (box.location.x + box.extent.x + CHEST_M, box.location.y, height_m)
+    return _Pose(center, 0.0, actor)
 
 
 def _transform(pose: _Pose, middle: Vector, extent: Vector) -> Any:

@@ -41,7 +41,7 @@ class Patch(Section):
 
     target: Literal["billboard", "shop_front", "vehicle_rear", "person"] = setting(
         title="Target",
-        description="A board beside the road, on a wall, or on a wide vehicle's rear; a case "
+        description="A board beside the road, on a wall, or on a large vehicle's rear; a case "
         "before a pedestrian's chest.",
         group="scene",
     )
@@ -75,15 +75,15 @@ class Patch(Section):
     distance_m: _Distance | _Distances = setting(
         (12.0, 30.0),
         title="Distance",
-        description="From the ego's start, or `[low, high]` to draw from; of vehicles and "
-        "pedestrians, the nearest to there is taken.",
+        description="From the ego's start, or `[low, high]` to draw from; vehicles and pedestrians "
+        "begin there.",
         unit="m",
         group="scene",
     )
     side: Literal["right", "left", "random"] = setting(
         "right",
         title="Side",
-        description="Of the road, for billboards and shop fronts.",
+        description="Of the road; not for vehicles.",
         group="scene",
     )
     board: str | None = setting(

@@ -115,7 +115,7 @@ def _added_up(
 def _sums(values: NDArray[np.int64], starts: NDArray[np.int64]) -> NDArray[np.int64]:
     """Sums of the parts of ``values`` that begin at ``starts``, the first of them 0."""
     ends = np.cumsum(values)[np.append(starts[1:], len(values)) - 1]
-    return np.diff(ends, prepend=0)
+    return np.asarray(np.diff(ends, prepend=0), np.int64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,12 +109,12 @@ def _of_picture(grid: VoxelGrid, units: FloatArray, seen: Picture) -> Surface:
     )
 
 
-def _one_per_cell(grid: VoxelGrid, units: Sequence[NDArray[np.floating]]) -> Indices:
+def _one_per_cell(grid: VoxelGrid, units: NDArray[Any]) -> Indices:
     """Which of ``N`` places to keep, the last in each cell of a half side, in their order.
 
     Args:
         grid: the voxels.
-        units: three arrays ``(N,)``, all within the grid.
+        units: ``(3, N)`` float32 or float64, all within the grid.
     """
     from carstage.occupancy.ray_kernel import mark_last
 

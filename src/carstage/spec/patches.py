@@ -84,9 +84,8 @@ class PatchSpec:
         size: as a share of the largest that fits on the board.
         position: on the board, from left and from below, 0-1 of the room that is left.
         board: blueprint of the prop that it is on.
-        distance_m: billboards and shop fronts: so far along the ego's lane from where it begins;
-            others: the nearest to there is chosen.
-        side: of the road, for billboards and shop fronts.
+        distance_m: so far along the ego's lane from where it begins.
+        side: of the road; not for vehicles.
         shown: whether the picture is on the board; None: it is.
     """
 

@@ -6,11 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image, ImageDraw
 
 import patches_dataset
 import recorded_dataset
 from carstage.dataset import Dataset, EpisodeVariants
 from carstage.dataset.tables import read_table, write_table
+from carstage.spec.patches import TARGETS
 from carstage.validation import validate_dataset
 from carstage.validation.checks.patch_pairs import patch_pixels
 from recorded_dataset import linked_copy
@@ -18,7 +20,9 @@ from recorded_dataset import linked_copy
 pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("patches")]
 
 FRAMES = patches_dataset.FRAMES
-CAMERAS = ("CAM_FRONT", "CAM_BACK")
+VARIANTS = ("patched", "plain")
+CAMERAS = ("CAM_FRONT", "CAM_RIGHT")
+LEAST_WIDTH_PX = {"billboard": 20, "shop_front": 40, "vehicle_rear": 30, "person": 20}
 
 
 @pytest.fixture(scope="module")
@@ -53,20 +57,48 @@ def test_pictures_with_and_without_patches_are_equal_outside_of_them(
     assert changed > 200
 
 
-def test_pixels_of_a_patch_that_nothing_stands_before_show_it(pair: EpisodeVariants) -> None:
+@pytest.mark.parametrize("target", TARGETS)
+def test_a_patch_of_each_kind_is_seen_near_the_ego(pair: EpisodeVariants, target: str) -> None:
+    """Tens of pixels wide, free, and its pixels show it where its outline says."""
     table = pair["patched"].patches()
     assert table is not None
-    shown = 0
-    for row in table.to_pylist():
-        if row["visible_share"] < 1.0 or row["pixels"] < 100 or row["facing"] < 0.4:
-            continue
-        frames = pair.frame(row["k"])
-        one, other = (frames[name].read(row["sensor_id"]) for name in ("patched", "plain"))
-        inside = patch_pixels([row], *one.shape[:2])
-        differs = (one != other).any(axis=2)
-        assert (differs & inside).sum() > 0.8 * row["pixels"]
-        shown += 1
-    assert shown
+    rows = [row for row in table.to_pylist() if row["target"] == target and row["face"] == "front"]
+    best = max(rows, key=lambda row: row["pixels"] * row["visible_share"], default=None)
+    assert best is not None
+    assert best["visible_share"] == 1.0
+    assert max(best["u"]) - min(best["u"]) >= LEAST_WIDTH_PX[target]
+    one, other = (pair.frame(best["k"])[name].read(best["sensor_id"]) for name in VARIANTS)
+    differs = (one.astype(int) != other).any(axis=2)
+    mask = Image.new("1", (one.shape[1], one.shape[0]))
+    outline = list(zip(best["u"], best["v"], strict=True))
+    ImageDraw.Draw(mask).polygon(outline, fill=1)
+    inside = np.asarray(mask)
+    perimeter_px = 2 * sum(max(best[axis]) - min(best[axis]) for axis in "uv")
+    assert abs(int(inside.sum()) - best["pixels"]) <= perimeter_px
+    assert differs[inside].mean() > 0.9
+
+
+def test_who_carries_a_patch_is_where_it_is_wanted(pair: EpisodeVariants) -> None:
+    """A lorry's rear is ahead on the lane, a person comes towards the ego."""
+    episode = pair["patched"]
+    table = episode.patches()
+    assert table is not None
+    specs = {patch.name: patch for patch in episode.spec.patches}
+    front = [row for row in table.to_pylist() if row["k"] == 0 and row["sensor_id"] == "CAM_FRONT"]
+    (rear,) = (row for row in front if row["target"] == "vehicle_rear")
+    camera_m = 1.5
+    assert abs(rear["distance"] + camera_m - specs[rear["patch"]].distance_m) < 5.0
+    assert rear["facing"] > 0.98
+    (person,) = (row for row in front if row["target"] == "person")
+    last = [row for row in table.to_pylist() if row["patch"] == person["patch"]][-1]
+    assert person["facing"] > 0.6
+    assert last["distance"] < person["distance"]
+    speeds = [row["velocity"] for row in episode.objects().to_pylist()
+              if row["track_id"] == rear["target_id"]]  # fmt: skip
+    assert max(float(np.hypot(x, y)) for x, y, _ in speeds) < 4.0  # its board does not push it
+    lorry = {row["track_id"]: row for row in episode.objects().to_pylist()}[rear["target_id"]]
+    assert 2.0 * lorry["box_extent"][1] >= 2.0
+    assert 2.0 * lorry["box_extent"][2] >= 2.0
 
 
 def test_patches_are_labelled_alike_in_both_variants(pair: EpisodeVariants) -> None:
@@ -79,6 +111,10 @@ def test_patches_are_labelled_alike_in_both_variants(pair: EpisodeVariants) -> N
     assert {row["shown"] for row in tables[1].to_pylist()} == {False}
     carried = [row for row in rows[0] if row["target"] in ("vehicle_rear", "person")]
     assert all(row["target_id"] > 0 for row in carried)
+    for name in ("objects", "camera_objects"):
+        one, other = (getattr(pair[variant], name)() for variant in VARIANTS)
+        own = [column for column in one.column_names if column.startswith(("episode", "instance_"))]
+        assert one.drop_columns(own).equals(other.drop_columns(own))
 
 
 def test_a_dataset_of_patches_is_valid_and_says_what_was_compared(patches: Path) -> None:
@@ -101,7 +137,7 @@ def test_a_pixel_that_differs_and_an_outline_that_is_elsewhere_are_found(
     rows[0]["u"] = [u + 3.0 for u in rows[0]["u"]]
     path.unlink()
     write_table(table.from_pylist(rows, schema=table.schema), path)
-    picture = Path(str(episode.folder)) / "sensors" / "CAM_BACK" / "000002.png"
+    picture = Path(str(episode.folder)) / "sensors" / "CAM_RIGHT" / "000002.png"
     other = picture.with_name("000001.png").read_bytes()
     picture.unlink()
     picture.write_bytes(other)

@@ -10,6 +10,7 @@ from carstage.collector.drivers.driving import EgoDriving
 from carstage.collector.drones import DroneFlight
 from carstage.collector.internals.plan import ProgramPlan, ServerPlan
 from carstage.collector.internals.traffic_manager_wakeup import TickWatch, started_threads
+from carstage.collector.patch_carriers import place_carriers, send_to_ego
 from carstage.collector.patches import PlacedPatch, place_patches
 from carstage.collector.scenario import Population, Scenario, make_scenario
 from carstage.collector.scenario.events import EventRunner, check_map
@@ -188,7 +189,11 @@ def build_scene(
     session.on_exit("tick watch", watch.stop)
     clock = CLOCKS[spec.timing.synchronous](session.world, server.timeout_s, watch)
     clock.step()  # so that the client knows what was spawned
+    carriers = place_carriers(session, spec, population) if scenario.may_place else {}
+    if carriers:
+        clock.step()  # people begin to walk where the newest frame has them
     scenario.start(population)
+    send_to_ego(session, population, carriers)
     parties = [
         _party(session, spec, server, drivers, name, number, actor)
         for number, (name, actor) in enumerate(
@@ -201,7 +206,7 @@ def build_scene(
             flight = DroneFlight(session, agent.drone, carrier, population.ego, spec.step_s)
             parties[number] = parties[number]._replace(flight=flight)
     event_runner = EventRunner(session, spec, population, server.traffic_manager_port)
-    patches = place_patches(session, spec, population)
+    patches = place_patches(session, spec, population, carriers)
     return Scene(session, clock, scenario, parties, population, spec.step_s, event_runner, patches)
 
 

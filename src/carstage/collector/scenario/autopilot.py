@@ -50,6 +50,8 @@ def _location(
 class Autopilot(Scenario):
     """Everybody, the ego too, drives by the client's Traffic Manager, wherever it likes."""
 
+    may_place = True
+
     def __init__(
         self,
         client: Any,

@@ -31,6 +31,9 @@ class Scenario:
     The calls come in this order: ``populate``, ``prepare``, a first step of the world, ``start``,
     then ``before_step`` ahead of every further step.
 
+    Attributes:
+        may_place: whether others may put vehicles and walkers elsewhere before ``start``.
+
     Args:
         client: ``carla.Client``.
         session: the episode's world.
@@ -38,6 +41,8 @@ class Scenario:
         server: where it is, and where the client's Traffic Manager listens.
         program: of scenario ``scenic`` or ``openscenario``.
     """
+
+    may_place = False
 
     def __init__(
         self,

@@ -28,6 +28,7 @@ _HARD_M_S2 = 3.5
 _LEAST_EMERGENCY_M_S2 = 7.0
 _FARTHEST_OFF_PERCENT = 15.0
 _STRAIGHT_TOWN = "Stage03"
+_LONG_BAKE_S = 900.0
 
 FloatArray = NDArray[np.float64]
 
@@ -116,7 +117,8 @@ def check_car_motion(*, minutes: float, town: str, vehicles: int, seed: int) -> 
 
 def _straight_line_figures(seed: int) -> list[Figure]:
     """Differences to what physics controls say, by blueprint, and the weakest emergency brake."""
-    with started_server(("--map", _STRAIGHT_TOWN)) as server:
+    arguments = ("--map", _STRAIGHT_TOWN)
+    with started_server(arguments, start_timeout_s=_LONG_BAKE_S) as server:
         cars = run_trial(straight_line_trial, server.port, seed=seed, timeout_s=1200.0)
     figures = []
     for type_id, (measured, expected) in cars.items():

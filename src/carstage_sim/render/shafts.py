@@ -34,6 +34,8 @@ _FARTHEST = 3
 _ROW_FARTHEST = 4
 """Row of ``slopes``."""
 _ROWS = PACKET // LANES
+_AROUND = 18
+"""Place in ``beam`` of how far the origins are from the first one, at most."""
 _BLOCKED: Any = np.float32(-1)
 
 
@@ -166,6 +168,9 @@ def _enclose(memory, d, high, count):  # type: ignore[no-untyped-def]
         slopes[2, g], slopes[3, g] = slopes[2, g] - _SLACK_M, slopes[3, g] + _SLACK_M
         beam[12], beam[13] = min(beam[12], slopes[0, g]), max(beam[13], slopes[1, g])
         beam[14], beam[15] = min(beam[14], slopes[2, g]), max(beam[15], slopes[3, g])
+    beam[_AROUND] = np.float32(0)
+    for k in range(12, 18, 2):
+        beam[_AROUND] += max(-beam[k], beam[k + 1])
     beam[16] -= _SLACK_M
     beam[17] += high * (_ONE + np.float32(1e-5)) + _SLACK_M
     ax, ay, az = abs(x), abs(y), abs(z)

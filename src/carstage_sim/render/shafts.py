@@ -34,6 +34,8 @@ _FARTHEST = 3
 _ROW_FARTHEST = 4
 """Row of ``slopes``."""
 _ROWS = PACKET // LANES
+_AROUND = 18
+"""Place in ``beam`` of how far the origins are from the first one, at most."""
 _BLOCKED: Any = np.float32(-1)
 
 
@@ -149,23 +151,27 @@ def _enclose(memory, d, high, count):  # type: ignore[no-untyped-def]
     beam[3], beam[4], beam[5] = ux, uy, uz
     beam[6], beam[7], beam[8] = vx, vy, vz
     beam[9], beam[10], beam[11] = x, y, z
-    for k in range(3):
-        beam[12 + 2 * k], beam[13 + 2 * k] = np.float32(np.inf), np.float32(-np.inf)
+    above, below = np.float32(np.inf), np.float32(-np.inf)
+    beam[12], beam[13], beam[14], beam[15] = above, below, above, below
+    least_w, most_w = above, below
     for g in range((count + LANES - 1) // LANES):
-        slopes[0, g], slopes[1, g] = np.float32(np.inf), np.float32(-np.inf)
-        slopes[2, g], slopes[3, g] = np.float32(np.inf), np.float32(-np.inf)
+        least_u, most_u, least_v, most_v = above, below, above, below
         for i in range(g * LANES, min(g * LANES + LANES, count)):
             px, py, pz = starts[0, i] - ox, starts[1, i] - oy, starts[2, i] - oz
             u = px * ux + py * uy + pz * uz
             v = px * vx + py * vy + pz * vz
             w = px * x + py * y + pz * z
-            slopes[0, g], slopes[1, g] = min(slopes[0, g], u), max(slopes[1, g], u)
-            slopes[2, g], slopes[3, g] = min(slopes[2, g], v), max(slopes[3, g], v)
-            beam[16], beam[17] = min(beam[16], w), max(beam[17], w)
-        slopes[0, g], slopes[1, g] = slopes[0, g] - _SLACK_M, slopes[1, g] + _SLACK_M
-        slopes[2, g], slopes[3, g] = slopes[2, g] - _SLACK_M, slopes[3, g] + _SLACK_M
+            least_u, most_u = min(least_u, u), max(most_u, u)
+            least_v, most_v = min(least_v, v), max(most_v, v)
+            least_w, most_w = min(least_w, w), max(most_w, w)
+        slopes[0, g], slopes[1, g] = least_u - _SLACK_M, most_u + _SLACK_M
+        slopes[2, g], slopes[3, g] = least_v - _SLACK_M, most_v + _SLACK_M
         beam[12], beam[13] = min(beam[12], slopes[0, g]), max(beam[13], slopes[1, g])
         beam[14], beam[15] = min(beam[14], slopes[2, g]), max(beam[15], slopes[3, g])
+    beam[16], beam[17] = least_w, most_w
+    beam[_AROUND] = np.float32(0)
+    for k in range(12, 18, 2):
+        beam[_AROUND] += max(-beam[k], beam[k + 1])
     beam[16] -= _SLACK_M
     beam[17] += high * (_ONE + np.float32(1e-5)) + _SLACK_M
     ax, ay, az = abs(x), abs(y), abs(z)

@@ -26,6 +26,7 @@ PACKET = 64
 _BEAM_SLACK = 3e-6
 """Share of a box's largest coordinates that allows for rounding: normals of a beam's sides have
 components below 2.8."""
+_EDGES = ((0, 1), (1, 2), (2, 0))
 _EDGE_SLACK = 1e-5
 """Share of two corners' distances, multiplied, that allows for the rounding of an edge's side."""
 
@@ -367,19 +368,47 @@ def _straddled(builder: Any, points: list[Any], sizes: list[Any], bounds: list[A
         sizes: how far they are, about.
         bounds: least and largest slopes of the beam's rays.
     """
-    leftmost, rightmost = None, None
-    for one, other in ((0, 1), (1, 2), (2, 0)):
+    edges: list[tuple[Any, Any, Any]] = []
+    for one, other in _EDGES:
         (ax, ay, az), (bx, by, bz) = points[one], points[other]
-
-        def minor(a: Any, b: Any, c: Any, d: Any) -> Any:
-            return builder.fsub(builder.fmul(a, b), builder.fmul(c, d))
-
-        normal = [minor(ay, bz, az, by), minor(az, bx, ax, bz)]
-        least, most = _span(builder, normal, [bounds[0], bounds[2]], [bounds[1], bounds[3]])
-        ahead = minor(ax, by, ay, bx)
+        normal = [_minor(builder, ay, bz, az, by), _minor(builder, az, bx, ax, bz)]
         slack = builder.fmul(builder.fmul(sizes[one], sizes[other]), _constant(_EDGE_SLACK))
-        most = builder.fadd(builder.fadd(most, ahead), slack)
-        least = builder.fsub(builder.fadd(least, ahead), slack)
+        edges.append((normal, _minor(builder, ax, by, ay, bx), slack))
+    return _reaches_inside(builder, edges, bounds)
+
+
+def _straddled_along(builder: Any, points: list[Any], sizes: list[Any], bounds: list[Any]) -> Any:
+    """As :func:`_straddled`, of parallel rays.
+
+    Args:
+        builder: LLVM's.
+        points: the three corners: across the rays.
+        sizes: how far they are from the rays' origins at most.
+        bounds: least and largest places of the rays.
+    """
+    edges: list[tuple[Any, Any, Any]] = []
+    for one, other in _EDGES:
+        (ax, ay), (bx, by) = points[one], points[other]
+        normal = [builder.fsub(ay, by), builder.fsub(bx, ax)]
+        slack = builder.fmul(builder.fmul(sizes[one], sizes[other]), _constant(_EDGE_SLACK))
+        edges.append((normal, _minor(builder, ax, by, ay, bx), slack))
+    return _reaches_inside(builder, edges, bounds)
+
+
+def _minor(builder: Any, a: Any, b: Any, c: Any, d: Any) -> Any:
+    return builder.fsub(builder.fmul(a, b), builder.fmul(c, d))
+
+
+def _reaches_inside(builder: Any, edges: list[Any], bounds: list[Any]) -> Any:
+    """Whether some place within bounds may be on the same side of all three edges.
+
+    Each edge: factors of the place's two coordinates, what is added, room for rounding.
+    """
+    leftmost, rightmost = None, None
+    for normal, offset, slack in edges:
+        least, most = _span(builder, normal, [bounds[0], bounds[2]], [bounds[1], bounds[3]])
+        most = builder.fadd(builder.fadd(most, offset), slack)
+        least = builder.fsub(builder.fadd(least, offset), slack)
         leftmost = most if leftmost is None else _smaller(builder, leftmost, most)
         rightmost = least if rightmost is None else _larger(builder, rightmost, least)
     zero = _constant(0.0)
@@ -622,7 +651,7 @@ def triangles_in_shaft(typing_context, corners, block, shaft, places):  # type: 
     Args:
         typing_context: numba's.
         corners, block: as for :func:`triangle_hits`.
-        shaft: as for :func:`boxes_in_shaft`.
+        shaft: as for :func:`boxes_in_shaft`; and at last how far the origins are from its place.
         places: ``(>= 32,)`` float32, receives the least and the largest place of each triangle
             along the first and along the second direction.
 
@@ -639,6 +668,9 @@ def triangles_in_shaft(typing_context, corners, block, shaft, places):  # type: 
         least: list[Any] = [None] * 3
         most: list[Any] = [None] * 3
         slack = None
+        points: list[Any] = []
+        sizes: list[Any] = []
+        (around,) = _numbers(builder, numbers, range(18, 19))
         for corner in range(3):
             point = [
                 builder.fsub(
@@ -652,8 +684,10 @@ def triangles_in_shaft(typing_context, corners, block, shaft, places):  # type: 
                 _magnitude(builder, point[2]),
             )
             slack = size if slack is None else _larger(builder, slack, size)
-            for k, vector in enumerate(vectors):
-                value = _dot(builder, vector, point)
+            sizes.append(builder.fadd(size, around))
+            across = [_dot(builder, vector, point) for vector in vectors]
+            points.append(across[:2])
+            for k, value in enumerate(across):
                 held, top = least[k], most[k]
                 least[k] = value if held is None else _smaller(builder, held, value)
                 most[k] = value if top is None else _larger(builder, top, value)
@@ -665,7 +699,11 @@ def triangles_in_shaft(typing_context, corners, block, shaft, places):  # type: 
         for k in range(2):
             _store(builder, spans[k][0], out, 2 * k)
             _store(builder, spans[k][1], out, 2 * k + 1)
-        return _bits(builder, _overlap(builder, spans, _numbers(builder, numbers, range(12, 18))))
+        bounds = _numbers(builder, numbers, range(12, 18))
+        met = _overlap(builder, spans, bounds)
+        return _bits(
+            builder, builder.and_(met, _straddled_along(builder, points, sizes, bounds[:4]))
+        )
 
     return signature, codegen
 

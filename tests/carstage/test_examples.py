@@ -177,6 +177,13 @@ def test_an_example_has_a_flash_lidar_and_rotating_ones_by_their_data_sheets() -
     assert "lidar_products.yaml" in (EXAMPLES / "README.md").read_text("utf-8")
 
 
+def test_an_example_has_a_lidar_that_moves_while_it_turns() -> None:
+    spec = judge(load_config(EXAMPLES / "sweeping_lidar.yaml"))[0]
+    kinds = [sensor.kind for sensor in spec.sensors if not sensor.hidden]
+    assert kinds == ["rgb", "sweeping_lidar", "lidar"]
+    assert "sweeping_lidar.yaml" in (EXAMPLES / "README.md").read_text("utf-8")
+
+
 def test_an_example_has_patches_on_every_target_recorded_with_and_without() -> None:
     plan = judge(load_config(EXAMPLES / "patches.yaml"))
     assert len(plan) == 2 * 2

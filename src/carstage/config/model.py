@@ -289,15 +289,15 @@ class Config(Section):
             self._check_condition(quota.where, "campaign", "quotas", position, "where")
 
     def _check_lidars(self, sensors: Sequence[Sensor]) -> None:
-        """Points are labelled by a semantic LiDAR that scans alike, which no depth picture does."""
+        """Points are labelled by a semantic LiDAR that scans alike."""
         lidars = {sensor.id for sensor in sensors if sensor.row.content == POINTS}
         _check_names("lidars", self.labels.lidars, lidars)
-        flash = {sensor.id for sensor in sensors if sensor.row.recorded}
+        unlike = {sensor.id: sensor.kind for sensor in sensors if sensor.row.recorded}
         named = () if self.labels.lidars == "all" else self.labels.lidars
         for position, name in enumerate(named):
-            if name in flash:
+            if name in unlike:
                 raise problem(
-                    "no semantic LiDAR scans like a flash LiDAR.",
+                    f"no semantic LiDAR scans like a {unlike[name]}.",
                     "Leave it out, and put a semantic_lidar beside it.",
                     "labels",
                     "lidars",

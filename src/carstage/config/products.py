@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 LIDAR, SEMANTIC_LIDAR, FLASH_LIDAR = "lidar", "semantic_lidar", "flash_lidar"
+SWEEPING_LIDAR = "sweeping_lidar"
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ def _rotating(
 ) -> LidarProduct:
     return LidarProduct(
         title,
-        (LIDAR, SEMANTIC_LIDAR),
+        (LIDAR, SEMANTIC_LIDAR, SWEEPING_LIDAR),
         {
             "channels": channels,
             "lower_fov_deg": fov_deg[0],

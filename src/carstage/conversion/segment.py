@@ -34,6 +34,7 @@ from carstage.files.whole import whole_file
 from carstage.rawlog.clock import elapsed_s
 from carstage.rawlog.format import KIND_DATA, LEDGER
 from carstage.rawlog.reader import EpisodeLog, Record
+from carstage.sensor_kinds.columns import Point
 from carstage.sensor_kinds.model import DETECTIONS, POINTS
 from carstage.spec import EpisodeSpec, SensorSpec
 from carstage.storage.attempt_files import AttemptFiles
@@ -323,11 +324,19 @@ def _clouds(
         lidar.id: _frame(lidar, _records(lidar, by_tick, tick), spec)
         for lidar in spec.sensors_of(POINTS)
     }
-    return {
-        name: np.frombuffer(frame[1], "<f4").reshape(-1, 4)
-        for name, frame in found.items()
-        if frame is not None
-    }
+    kinds = {lidar.id: lidar.kind for lidar in spec.sensors_of(POINTS)}
+    clouds: dict[str, NDArray[np.float32]] = {}
+    for name, frame in found.items():
+        if frame is not None:
+            try:
+                points = codec_for(kinds[name])[1].raw_array(frame[0], frame[1])
+            except ValueError as error:
+                raise ConversionError(
+                    f"Sensor {name}, tick {tick}: the recorded data is not usable: {error}.",
+                    "Record the episode again.",
+                ) from error
+            clouds[name] = points[:, : Point.INTENSITY + 1]
+    return clouds
 
 
 def _frame(

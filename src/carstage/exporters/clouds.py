@@ -19,6 +19,8 @@ from carstage.dataset.saved_frames import Frame
 from carstage.errors import BadInputError
 from carstage.exporters.options import ExportOptions
 from carstage.exporters.rigs import main_lidar
+from carstage.sensor_kinds import sensor_kind
+from carstage.sensor_kinds.columns import Point, SweepPoint
 from carstage.sensor_kinds.model import POINTS, TAGGED_POINTS
 
 _SCAN: Final = {
@@ -111,11 +113,11 @@ def label_source(episode: Episode, lidar: SensorCalibration) -> str | None:
     """Id of the semantic LiDAR that labels a LiDAR's points; None: there is none.
 
     That is the LiDAR itself, or the first one at the same place of the same carrier that scans
-    alike, which none does like a flash LiDAR.
+    alike, which none does like a flash or a sweeping LiDAR.
     """
     if lidar.content == TAGGED_POINTS:
         return lidar.id
-    if lidar.flash is not None:
+    if sensor_kind(lidar.kind).recorded:
         return None
     twins = (
         sensor.id
@@ -142,10 +144,16 @@ def read_points(frame: Frame, lidar_id: str) -> NDArray[np.float32]:
     """``(N, 4)`` x, y, z (m), intensity of a sweep; a semantic LiDAR measures no intensity: 0."""
     read = frame.read(lidar_id)
     if read.dtype.names is None:
-        return np.asarray(read, np.float32)
+        return np.asarray(read[:, : Point.INTENSITY + 1], np.float32)
     points = np.zeros((len(read), 4), np.float32)
     points[:, :3] = points_xyz(read)
     return points
+
+
+def read_rings(frame: Frame, lidar_id: str) -> NDArray[np.float32] | None:
+    """``(N,)`` number of the laser of each point; None: the LiDAR does not keep it."""
+    names = [column.name for column in sensor_kind(frame.episode.sensor(lidar_id).kind).columns]
+    return frame.read(lidar_id)[:, SweepPoint.RING] if "ring" in names else None
 
 
 def read_labelled(frame: Frame, lidar: LabelledLidar) -> LabelledCloud:

@@ -78,6 +78,10 @@ _TAGGED_POINT = (
     Column("object_idx", "<u4"),
     Column("object_tag", "<u4"),
 )
+_SWEEP_POINT = _floats(
+    *("x", "y", "z", "intensity", "time_s", "ring"),
+    *("x_measured", "y_measured", "z_measured"),
+)
 
 BUILT_IN = (
     _camera(
@@ -191,6 +195,27 @@ BUILT_IN = (
         codecs={
             "bin": _CODECS + "semantic_points:SemanticLidarBin",
             "npz": _CODECS + "semantic_points:SemanticLidarNpz",
+        },
+        modality="lidar",
+        icon="lidar",
+        field_of_view="sweep",
+    ),
+    SensorKind(
+        name="sweeping_lidar",
+        blueprint="sensor.lidar.ray_cast_sweeping",
+        content=POINTS,
+        title="Sweeping LiDAR",
+        short="SWEEP",
+        description="LiDAR that moves while it turns.",
+        summary="A rotating LiDAR whose points are each measured at their own instant; the "
+        "embedded simulator has it.",
+        attributes=LIDAR,
+        collector=_RAYS + "SweepingLidar",
+        columns=_SWEEP_POINT,
+        recorded=_TAGGED_POINT,
+        codecs={
+            "bin": _CODECS + "sweep_points:SweepBin",
+            "npz": _CODECS + "sweep_points:SweepNpz",
         },
         modality="lidar",
         icon="lidar",

@@ -30,6 +30,21 @@ class Point(IntEnum):
     INTENSITY = 3
 
 
+class SweepPoint(IntEnum):
+    """Columns of the points of a sweeping LiDAR after x, y, z.
+
+    ``TIME`` is in seconds, that of the frame being 0. The last three are x, y, z as measured, in
+    the sensor's axes at that time.
+    """
+
+    INTENSITY = 3
+    TIME = 4
+    RING = 5
+    X_MEASURED = 6
+    Y_MEASURED = 7
+    Z_MEASURED = 8
+
+
 class Message(IntEnum):
     """Columns of a received V2X message."""
 

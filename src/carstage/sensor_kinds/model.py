@@ -109,8 +109,8 @@ class SensorKind:
         collector: ``module:Class`` of the class that makes records of the client's data.
         codecs: ``module:Class`` by codec name, the default first; none for tables.
         columns: what a pixel, point, detection or reading consists of.
-        recorded: what a raw pixel consists of where frames are made of pictures of another kind
-            of sensor; the blueprint is that one's. Empty: a raw datum has the same columns.
+        recorded: what a raw pixel or point consists of where frames are made of data of another
+            kind of sensor. Empty: a raw datum has the same columns.
         file_bytes: upper estimate of what one of them takes in the dataset; None: as recorded.
         twins: kinds that a labelled sensor of this kind needs at its pose; none: no labels.
         since: CARLA's first release that has it.

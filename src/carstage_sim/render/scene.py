@@ -144,6 +144,16 @@ class Frame:
         """The scene of some instances without the town; the rows keep their numbers."""
         return self._of_rows(rows)._replace(static=empty_geometry())
 
+    def moved(self, rotation: NDArray[np.float32], position: NDArray[np.float32]) -> Scene:
+        """The scene with its instances elsewhere; the rows keep their numbers and shapes.
+
+        Args:
+            rotation: ``(I, 3, 3)`` world from each row's own axes.
+            position: ``(I, 3)`` world metres.
+        """
+        elsewhere = replace(self, scene=self.scene._replace(rotation=rotation, position=position))
+        return elsewhere._of_rows(np.sort(self.scene.top_row))
+
     def _of_rows(self, rows: NDArray[np.intp]) -> Scene:
         scene = self.scene
         top = top_tree(scene.rotation[rows], scene.position[rows], self.bounds[rows])

@@ -78,7 +78,7 @@ class Radar(MeasuringSensor):
         local = local[met]
         length = np.sqrt((local**2).sum(axis=1))
         unit = directions[met].astype(np.float64) / length[:, None]
-        approach = _velocities(state, view.actor_ids(hits)[met]) - own_velocity
+        approach = actor_velocities(state, view.actor_ids(hits)[met]) - own_velocity
         detections = np.empty((len(local), 4), np.float32)
         detections[:, Detection.VELOCITY] = (approach * unit).sum(axis=1)
         detections[:, Detection.AZIMUTH] = np.arctan2(local[:, 1], local[:, 0])
@@ -91,11 +91,11 @@ class Radar(MeasuringSensor):
             velocity: Vector = (np.array(request.location) - self._before) / state.delta_s
             if float(np.linalg.norm(velocity)) < _TELEPORT_SPEED:
                 return velocity
-        carried: Vector = _velocities(state, np.array([request.sensor_id]))[0]
+        carried: Vector = actor_velocities(state, np.array([request.sensor_id]))[0]
         return carried
 
 
-def _velocities(state: WorldState, actor_ids: NDArray[np.integer]) -> Vector:
+def actor_velocities(state: WorldState, actor_ids: NDArray[np.integer]) -> Vector:
     """``(N, 3)`` velocities (m/s, world) of actors; 0 for ids that the frame does not have."""
     if not len(state.actor_id):
         return np.zeros((len(actor_ids), 3))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.labels import CityObjectLabel
-from carstage_sim.render.cast import NOTHING, STATIC
+from carstage_sim.render.cast import NOTHING, STATIC, Scene
 from carstage_sim.render.caster import Hits, RayCaster, picture_packets
 from carstage_sim.render.film import Film
 from carstage_sim.render.gpu.camera import GpuCameras, Pending, Product, Shot
@@ -203,6 +203,7 @@ class View:
         high_m: float,
         skip_row: int = -1,
         rows: NDArray[np.intp] | None = None,
+        scene: Scene | None = None,
     ) -> Hits:
         """Nearest hits of rays from several points.
 
@@ -212,10 +213,13 @@ class View:
             high_m: how far they reach.
             skip_row: instance row that they pass through, -1 for none.
             rows: the only instance rows that they can meet, and nothing of the town; None for all.
+            scene: the scene of another instant; None: of this tick.
         """
         self._count_cast()
+        if scene is None:
+            scene = self.frame.scene if rows is None else self.frame.only(rows)
         return self._caster.cast(
-            self.frame.scene if rows is None else self.frame.only(rows),
+            scene,
             origins,
             directions.astype(np.float32),
             low=0.0,

@@ -15,6 +15,7 @@ from PIL import Image
 from carstage.codecs import SEMANTIC_POINT, Codec, codec_for, codec_names
 from carstage.codecs.png import PngPacker, unpack_png
 from carstage.errors import BadInputError
+from carstage.sensor_kinds.columns import SweepPoint
 from carstage.testing.codec import CodecTests, RawRecord
 
 KINDS = ("rgb", "depth", "semantic", "instance")
@@ -160,6 +161,56 @@ class TestSemanticLidarBin(SemanticLidarCodecTests):
 class TestSemanticLidarNpz(SemanticLidarCodecTests):
     name = "npz"
     empty_is_damage = True
+
+
+class TestSweepBin(CodecTests):
+    empty_is_damage = False
+
+    def codec(self) -> Codec:
+        return codec_for("sweeping_lidar", "bin")[1]
+
+    def records(self) -> list[RawRecord]:
+        random = np.random.default_rng(3)
+        records = np.zeros(31, SEMANTIC_POINT)
+        for name in ("x", "y", "z", "cos_incidence"):
+            records[name] = random.normal(0, 30, 31)
+        records["object_idx"], records["object_tag"] = random.integers(1, 100_000, (2, 31))
+        records[-1:].view("<f4")[:] = [9.0, 0.5, -0.1, 0.01, -0.02, 0.3]
+        return [
+            ({"counts": [20, 10, 1]}, memoryview(records.tobytes())),
+            ({"counts": [9, 0, 1]}, memoryview(records[-10:].tobytes())),
+        ]
+
+    def bad_records(self) -> list[RawRecord]:
+        (meta, payload), (_, few) = self.records()
+        nan = np.full(1, np.nan, "<f4").tobytes()
+        return [
+            (meta, payload[:-1]),
+            (meta, few),
+            ({"counts": [20, 11, 0]}, payload),
+            (meta, memoryview(payload.tobytes()[:-4] + nan)),
+            ({}, memoryview(b"")),
+        ]
+
+    def test_motion_is_undone_and_all_else_is_as_measured(self) -> None:
+        meta, payload = self.records()[0]
+        points = self.codec().raw_array(meta, payload)
+        records = np.frombuffer(payload, SEMANTIC_POINT)[:-1]
+        np.testing.assert_array_equal(points[:, SweepPoint.X_MEASURED], records["x"])
+        np.testing.assert_array_equal(points[:, SweepPoint.INTENSITY], records["cos_incidence"])
+        np.testing.assert_array_equal(points[:, SweepPoint.RING], records["object_tag"])
+        np.testing.assert_allclose(points[:, SweepPoint.TIME], -1e-6 * records["object_idx"])
+        still = np.frombuffer(payload, "<f4").reshape(-1, 6).copy()
+        still[-1] = 0.0
+        rested = self.codec().raw_array(meta, memoryview(still.tobytes()))
+        np.testing.assert_array_equal(rested[:, :3], rested[:, SweepPoint.X_MEASURED :])
+
+
+class TestSweepNpz(TestSweepBin):
+    empty_is_damage = True
+
+    def codec(self) -> Codec:
+        return codec_for("sweeping_lidar", "npz")[1]
 
 
 class TestRgbFpng(CameraCodecTests):

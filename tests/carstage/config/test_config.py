@@ -493,11 +493,13 @@ def test_short_scenario_is_the_autopilot() -> None:
     assert parse_config("scenario: {}").scenario.kind == "autopilot"
 
 
-def test_kinds_have_distinct_blueprints_but_those_made_of_another_ones_pictures() -> None:
+def test_kinds_have_distinct_blueprints_but_those_made_of_another_ones_data() -> None:
     own = [kind.blueprint for kind in kinds() if not kind.recorded]
     assert len(set(own)) == len(own)
-    assert {kind.name for kind in kinds() if kind.recorded} == {"flash_lidar"}
-    assert len(SENSOR_KINDS) == len(own) + 1
+    assert {kind.name for kind in kinds() if kind.recorded} == {
+        "flash_lidar", "sweeping_lidar",
+    }  # fmt: skip
+    assert len(SENSOR_KINDS) == len(own) + 2
 
 
 def test_sensor_that_the_chosen_version_lacks_is_refused_at_its_place() -> None:

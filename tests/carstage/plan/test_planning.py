@@ -415,6 +415,12 @@ def test_exact_voxels_need_more_disk_while_they_are_recorded() -> None:
     assert 1.5e6 < (raw[1] - raw[0]) / 50 < 4e6
 
 
+def test_a_sweeping_lidar_is_refused_by_name_where_the_server_has_none() -> None:
+    rig = "{rig: {sensors: [{id: S, kind: sweeping_lidar}]}}"
+    with pytest.raises(ConfigError, match=r"sensors\[0\]\.kind: this server has no sensor\.lidar"):
+        plan(rig, FACTS)
+
+
 def test_exact_voxels_are_refused_where_the_server_has_no_such_sensor() -> None:
     with pytest.raises(ConfigError, match=r"labels\.occupancy\.exact: this server has no sensor"):
         plan("labels: {occupancy: {exact: true}}", FACTS)

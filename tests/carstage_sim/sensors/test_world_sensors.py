@@ -89,6 +89,7 @@ def test_all_kinds_are_answered_in_the_order_of_the_requests(sensors):
         "sensor.camera.semantic_segmentation",
         "sensor.lidar.ray_cast",
         "sensor.lidar.ray_cast_semantic",
+        "sensor.lidar.ray_cast_sweeping",
         "sensor.other.collision",
         "sensor.other.gnss",
         "sensor.other.imu",

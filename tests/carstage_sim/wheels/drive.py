@@ -35,7 +35,8 @@ SENSORS = (
     "sensor.other.radar",
     "sensor.other.imu",
     "sensor.other.gnss",
-    "sensor.other.occupancy",  # the simulator's own
+    "sensor.lidar.ray_cast_sweeping",  # the simulator's own
+    "sensor.other.occupancy",  # likewise
 )
 """What delivers data in every frame."""
 

@@ -33,6 +33,7 @@ _KINDS = {
     "sensor.camera.optical_flow": "OpticalFlowImage",
     "sensor.lidar.ray_cast": "LidarMeasurement",
     "sensor.lidar.ray_cast_semantic": "SemanticLidarMeasurement",
+    "sensor.lidar.ray_cast_sweeping": "SemanticLidarMeasurement",
     "sensor.other.radar": "RadarMeasurement",
     "sensor.other.imu": "IMUMeasurement",
     "sensor.other.gnss": "GnssMeasurement",

@@ -26,6 +26,7 @@ SENSORS = {
     "sensor.camera.dvs": "DVSEventArray",
     "sensor.lidar.ray_cast": "LidarMeasurement",
     "sensor.lidar.ray_cast_semantic": "SemanticLidarMeasurement",
+    "sensor.lidar.ray_cast_sweeping": "SemanticLidarMeasurement",
     "sensor.other.radar": "RadarMeasurement",
     "sensor.other.imu": "IMUMeasurement",
     "sensor.other.gnss": "GnssMeasurement",

@@ -28,6 +28,7 @@ def test_library_lists_the_families_that_the_simulator_produces() -> None:
         "sensor.camera.cosmos_visualization",
         "sensor.lidar.ray_cast",
         "sensor.lidar.ray_cast_semantic",
+        "sensor.lidar.ray_cast_sweeping",
         "sensor.other.imu",
         "sensor.other.gnss",
         "sensor.other.radar",

@@ -32,6 +32,14 @@ class Lidar(RaySensor):
         return meta, memoryview(data.raw_data)
 
 
+class SweepingLidar(Lidar):
+    """A LiDAR whose points have times; after its lasers, one more channel has its motion."""
+
+    def expected_bytes(self, attributes: Attributes, fps: float) -> int:
+        """Every ray hits, and the motion."""
+        return super().expected_bytes(attributes, fps) + self.datum_bytes
+
+
 class Occupancy(Lidar):
     """Occupied voxels, which the client takes for points of a LiDAR with one channel."""
 

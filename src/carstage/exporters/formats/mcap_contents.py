@@ -170,8 +170,9 @@ def _view(camera: str, content: str, data: NDArray[Any]) -> Pixels:
 
 def _points(frame: Frame, lidar: str) -> Iterator[Record]:
     points = frame.read(lidar).copy()
-    points[:, 1] *= -1
-    yield Cloud(lidar, _structured(points, _names(frame, lidar, points.shape[1])))
+    names = _names(frame, lidar, points.shape[1])
+    points[:, [1, *(i for i, name in enumerate(names) if name == "y_measured")]] *= -1
+    yield Cloud(lidar, _structured(points, names))
 
 
 def _tagged_points(frame: Frame, lidar: str) -> Iterator[Record]:

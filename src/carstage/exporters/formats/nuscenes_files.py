@@ -31,12 +31,21 @@ _SURE = 1  # pdh0: false with a probability below a quarter
 _UNKNOWN_MOTION = 4
 
 
-def lidar_file(points: NDArray[np.float32], attributes: Mapping[str, str]) -> bytes:
+def lidar_file(
+    points: NDArray[np.float32],
+    attributes: Mapping[str, str],
+    rings: NDArray[np.float32] | None = None,
+) -> bytes:
     """A ``.pcd.bin``: float32 right, forward, up, intensity, ring per point.
 
-    A dataset does not keep which laser a point is of; its elevation tells, as CARLA's lasers are
-    spaced evenly from ``upper_fov`` (ring 0) to ``lower_fov``.
+    Args:
+        points: ``(N, 4)`` x, y, z, intensity.
+        attributes: of the LiDAR.
+        rings: ``(N,)`` which laser each point is of, where the dataset has it. Else its elevation
+            tells, as CARLA's lasers are spaced evenly from ``upper_fov`` (ring 0) to ``lower_fov``.
     """
+    if rings is not None:
+        return nuscenes_lidar_points(points, rings).tobytes()
     top, bottom, channels = (
         float(attributes.get(name, default)) for name, default in _LIDAR_DEFAULTS.items()
     )

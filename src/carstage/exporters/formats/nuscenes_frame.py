@@ -29,6 +29,7 @@ from carstage.exporters.clouds import (
     LabelledLidar,
     read_labelled,
     read_points,
+    read_rings,
 )
 from carstage.exporters.formats.nuscenes_can_bus import Messages, can_messages
 from carstage.exporters.formats.nuscenes_categories import attribute_of, category_of
@@ -153,7 +154,8 @@ class SceneWriter:
             path = copy_picture(frame, sensor_id, stem)
         elif sensor_id == scene.lidar:
             path = stem.with_name(stem.name + ".pcd.bin")
-            path.write_bytes(lidar_file(read_points(frame, sensor_id), sensor.attributes))
+            points, rings = read_points(frame, sensor_id), read_rings(frame, sensor_id)
+            path.write_bytes(lidar_file(points, sensor.attributes, rings))
         else:
             path = stem.with_name(stem.name + ".pcd")
             velocity = _radar_velocity(scene, frame, sensor)

@@ -17,6 +17,7 @@ from carstage.dataset.ledger import recorded_frames, saved_times_s
 from carstage.dataset.reading import Episode, Sensor
 from carstage.dataset.tracks import may_come_back
 from carstage.geometry import invert_pose
+from carstage.geometry.sweep_motion import SweepMotion
 from carstage.sensor_kinds.columns import Instance
 from carstage.sensor_kinds.model import CLOUDS, COLOUR, DEPTH, FLOW, INSTANCES, POINTS, ROWS, TAGS
 from carstage.tags import TAGS_0_9_14
@@ -93,6 +94,7 @@ from carstage.validation.checks.silhouettes import (
     check_silhouettes,
     visible_objects,
 )
+from carstage.validation.checks.sweeps import SWEEPING, check_sweep
 from carstage.validation.checks.tag_images import check_tags
 from carstage.validation.checks.tracks import check_tracks
 from carstage.validation.checks.variants import VariantFigures
@@ -373,6 +375,7 @@ class EpisodeChecks:
             if lidar.content == POINTS:
                 check_intensity(data[lidar.id], lidar.id, k, self._findings)
                 check_beams(points, lidar.calibration, k, self._findings)
+                self._check_sweep(lidar, k, data[lidar.id])
                 self._figures.points_in_boxes += check_point_counts(
                     points, lidar.calibration_at(k), k, boxes, self._findings
                 )
@@ -385,6 +388,17 @@ class EpisodeChecks:
                 check_share(found, lidar.id, camera.id, self._findings, frame=k)
                 self._pairs[lidar.id, camera.id].add(found)
                 self._figures.pairs[lidar.id, camera.id].add(found)
+
+    def _check_sweep(self, lidar: Sensor, k: int, points: NDArray[Any]) -> None:
+        if lidar.kind != SWEEPING:
+            return
+        spec = self._episode.spec
+        poses = self._poses.get(lidar.id, {})
+        every_tick = spec.save_every == 1 and "sensor_tick" not in lidar.calibration.attributes
+        motion = None
+        if every_tick and {k - 1, k} <= set(poses):
+            motion = SweepMotion.between(poses[k - 1], poses[k], 1.0 / spec.fps)
+        check_sweep(points, lidar.calibration, motion, k, self._findings)
 
     def _twin(self, sensor: Sensor, content: str, data: Data) -> Sensor | None:
         """A sensor of that content that looks along the same rays and has data."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from carstage.dataset.calibration import SensorCalibration
 from carstage.geometry.flash_beams import beam_angles
 from carstage.validation.checks.findings import Findings
+from carstage.validation.checks.sweeps import SWEEPING
 
 _OFF_BEAM_RAD: Final = 1e-5
 """Ten times what float32 moves a point."""
@@ -21,7 +22,7 @@ def is_comparable(lidar: SensorCalibration) -> bool:
     """Whether each point is a surface in the middle of its beam, as a depth image has it."""
     flash = lidar.flash
     if flash is None:
-        return True
+        return lidar.kind != SWEEPING
     wide = max(flash.horizontal_divergence_deg, flash.vertical_divergence_deg) > 0.0
     return not (flash.false_return_rate or (wide and flash.samples > 1))
 

@@ -198,6 +198,7 @@ _SENSORS: dict[str, tuple[_Row, ...]] = {
     "sensor.camera.dvs": _CAMERA + _POST_PROCESS + _DVS,
     "sensor.lidar.ray_cast": _LIDAR,
     "sensor.lidar.ray_cast_semantic": _SEMANTIC_LIDAR,
+    "sensor.lidar.ray_cast_sweeping": _LIDAR,
     "sensor.other.radar": _RADAR,
     "sensor.other.collision": (),
     "sensor.other.lane_invasion": (),
@@ -209,7 +210,10 @@ _SENSORS: dict[str, tuple[_Row, ...]] = {
     "sensor.other.v2x_custom": _V2X_CUSTOM,
 }
 
-_SENT_AS: dict[str, str] = {"sensor.other.occupancy": "sensor.lidar.ray_cast_semantic"}
+_SENT_AS: dict[str, str] = {
+    "sensor.lidar.ray_cast_sweeping": "sensor.lidar.ray_cast_semantic",
+    "sensor.other.occupancy": "sensor.lidar.ray_cast_semantic",
+}
 """Sensors that CARLA has not: whose messages theirs are to a client."""
 
 

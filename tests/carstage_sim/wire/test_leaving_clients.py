@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from benchmarks.simulator.session import free_port
+from carstage.server import free_port
 from client_scripts import client_process
 from raw_client import RawClient
 from waiting import await_that, holds_for

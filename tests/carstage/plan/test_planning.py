@@ -289,7 +289,7 @@ def test_every_label_setting_can_be_asked_for() -> None:
         chosen, usual = getattr(spec, section), getattr(default, section)
         not_asked += [f.name for f in fields(chosen)
                       if getattr(chosen, f.name) == getattr(usual, f.name)]  # fmt: skip
-    assert not_asked == ["lane_lines"]  # which need the vector map
+    assert not_asked == ["lane_lines", "disparity"]  # they need a vector map, and stereo pairs
     (with_lines,) = plan("labels: {lane_lines: true}")
     assert with_lines.labels.lane_lines
     assert spec.labels.boxes_3d

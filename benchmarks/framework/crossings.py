@@ -205,9 +205,10 @@ class Judge:
 
 def _place(frame: WorldFrame, actor_id: int) -> NDArray[np.float64] | None:
     try:
-        return frame.location[frame.row(actor_id)]
+        place: NDArray[np.float64] = frame.location[frame.row(actor_id)]
     except KeyError:
         return None
+    return place
 
 
 def starts_in(port: int, town: str) -> list[int]:

@@ -31,6 +31,7 @@ REASONS = {
     "carstage/cli/record.py record": _OPTIONS,
     "carstage/cli/runs.py resume": _OPTIONS,
     "carstage/codecs/png/deflate_kernel.py _literals": _KERNEL,
+    "carstage/collector/internals/scene.py __init__": _OWNER,
     "carstage/collector/internals/writing.py __init__": _OWNER,
     "carstage/collector/processing.py __init__": _OWNER,
     "carstage/occupancy/ray_kernel.py shown_places": _KERNEL,

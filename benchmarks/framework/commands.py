@@ -432,6 +432,33 @@ def events(
     return report(campaign, json)
 
 
+@benchmark("crossings", takes="4 minutes")
+def crossings(
+    town: Annotated[
+        list[str] | None, typer.Option("--town", help="May be given again; the stage towns.")
+    ] = None,
+    seeds: Annotated[int, typer.Option(min=1, help="Episodes in each town.")] = 3,
+    seconds: Annotated[float, typer.Option(min=2.0, help="Simulated, of each episode.")] = 10.0,
+    crossing_percent: Annotated[
+        float, typer.Option(min=0.0, max=100.0, help="Of the pedestrians.")
+    ] = 100.0,
+    json: Json = False,
+) -> int:
+    """Whether pedestrians cross near the ego, keep to the lights, and look before they step out."""
+    from benchmarks.framework.crossings import TOWNS, measure_crossings
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Episodes", "episodes") as progress:
+        campaign = measure_crossings(
+            tuple(town or TOWNS),
+            seeds=seeds,
+            seconds=seconds,
+            crossing_percent=crossing_percent,
+            progress=progress,
+        )
+    return report(campaign, json)
+
+
 @benchmark("scenic-examples", takes="40 minutes")
 def scenic_examples(
     folder: Annotated[Path, typer.Argument(help="Scenic's folder, with examples and assets.")],

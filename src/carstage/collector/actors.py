@@ -10,10 +10,11 @@ import difflib
 import logging
 import math
 import random
-from typing import Any, Iterator, List, NamedTuple, Optional
+from typing import Any, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
 import carla
 
+from carstage.collector.crosswalks import crossing_ways, crosswalks
 from carstage.collector.internals.errors import SceneError
 from carstage.collector.maps import spawn_points
 from carstage.collector.world import WorldSession
@@ -22,6 +23,8 @@ from carstage.spec.road_users import ALL_GENERATIONS
 
 PLACES_PER_WALKER = 40
 """So many random places are drawn for each walker; those near the ego are tried first."""
+CROSSING_PLACES = 4000
+"""So many are drawn to find some beside the crosswalks near the ego."""
 
 WARN = "warn"
 FILL = "fill"
@@ -40,11 +43,15 @@ _log = logging.getLogger(__name__)
 
 
 class Walker(NamedTuple):
-    """A pedestrian, the AI controller that moves it, and how fast it goes."""
+    """A pedestrian, the AI controller that moves it, how fast and where it goes.
+
+    The target is a ``carla.Location``; None: chosen when it starts.
+    """
 
     actor: Any
     controller: Any
     speed_m_s: float
+    target: Any = None
 
 
 def find_blueprint(library: Any, name: str, path: str) -> Any:
@@ -149,7 +156,7 @@ def spawn_walkers(session: WorldSession, spec: EpisodeSpec, start: Any) -> List[
     blueprints = _matching(world, plan.group, "pedestrians", "walker.")
     controller_blueprint = world.get_blueprint_library().find("controller.ai.walker")
     walkers: List[Walker] = []
-    for place in _walker_places(session, spec, start):
+    for place, target in _walker_ways(session, spec, start, walkers):
         if len(walkers) == plan.group.count:
             break
         blueprint = rng.choice(blueprints)
@@ -163,9 +170,34 @@ def spawn_walkers(session: WorldSession, spec: EpisodeSpec, start: Any) -> List[
         session.destroy_on_exit("walker %d" % actor.id, actor)
         controller = world.spawn_actor(controller_blueprint, carla.Transform(), actor)
         session.destroy_on_exit("controller %d" % controller.id, controller)
-        walkers.append(Walker(actor, controller, speed_m_s))
+        walkers.append(Walker(actor, controller, speed_m_s, target))
     _check_shortfall("pedestrians", plan.group.count, len(walkers), plan.shortfall)
     return walkers
+
+
+def _walker_ways(
+    session: WorldSession, spec: EpisodeSpec, start: Any, walkers: Sequence[Walker]
+) -> Iterator[Tuple[Any, Any]]:
+    """Where walkers begin and where they go to; the share that crosses comes first.
+
+    Args:
+        session: the episode's world.
+        spec: the episode.
+        start: ``carla.Transform`` where the ego begins.
+        walkers: those that have a place already; grows meanwhile.
+    """
+    plan = spec.pedestrians
+    crossing = round(plan.group.count * plan.crossing_percent / 100.0)
+    if crossing:
+        draw = session.world.get_random_location_from_navigation
+        drawn = [place for place in (draw() for _ in range(CROSSING_PLACES)) if place is not None]
+        rng = random.Random("%d crossing" % spec.seeds.walkers)
+        for way in crossing_ways(crosswalks(session.map), drawn, start, rng):
+            if len(walkers) == crossing:
+                break
+            yield way
+    for place in _walker_places(session, spec, start):
+        yield place, None
 
 
 def _walker_places(session: WorldSession, spec: EpisodeSpec, start: Any) -> Iterator[Any]:
@@ -192,7 +224,7 @@ def start_walkers(session: WorldSession, walkers: List[Walker]) -> None:
     for walker in walkers:
         walker.controller.start()
         session.on_exit("controller %d" % walker.controller.id, walker.controller.stop)
-        target = session.world.get_random_location_from_navigation()
+        target = walker.target or session.world.get_random_location_from_navigation()
         if target is not None:
             walker.controller.go_to_location(target)
         walker.controller.set_max_speed(walker.speed_m_s)

@@ -128,7 +128,9 @@ class Pedestrians(Section):
         PedestriansSpec.running_percent, "Running", "Share that runs instead of walking."
     )
     crossing_percent: float = _share(
-        PedestriansSpec.crossing_percent, "Crossing", "Share that may cross roads anywhere."
+        PedestriansSpec.crossing_percent,
+        "Crossing",
+        "Share that crosses the road at crosswalks near the ego; on CARLA's maps also elsewhere.",
     )
     shortfall: Shortfall = _shortfall("more places on the sidewalks")
 

@@ -30,16 +30,20 @@ NEEDED: Dict[str, Tuple[str, ...]] = {
     ),
     "LaneType": ("Driving", "Sidewalk"),
     "Location": ("x", "y", "z"),
-    "Map": ("get_spawn_points", "get_waypoint", "name", "to_opendrive", "transform_to_geolocation"),
+    "Map": (
+        *("get_crosswalks", "get_spawn_points", "get_waypoint", "name", "to_opendrive"),
+        "transform_to_geolocation",
+    ),
     "MapLayer": ("All", "NONE", "names"),
     "Rotation": ("pitch", "roll", "yaw"),
     "Sensor": ("is_listening", "listen", "stop"),
-    "TrafficLightState": ("Green", "Red", "Yellow"),
+    "TrafficLight": ("get_state", "get_stop_waypoints"),
+    "TrafficLightState": ("Green", "Off", "Red", "Unknown", "Yellow"),
     "TrafficManager": (
         *("set_hybrid_physics_mode", "set_random_device_seed", "set_synchronous_mode", "shut_down"),
         *("update_vehicle_lights", "vehicle_percentage_speed_difference"),
     ),
-    "Transform": ("location", "rotation"),
+    "Transform": ("get_forward_vector", "location", "rotation"),
     "Vector3D": ("x", "y", "z"),
     "Vehicle": (
         *("apply_control", "get_control", "get_traffic_light_state", "set_autopilot"),

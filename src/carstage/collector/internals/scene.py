@@ -12,6 +12,7 @@ from carstage.collector.internals.plan import ProgramPlan, ServerPlan
 from carstage.collector.internals.traffic_manager_wakeup import TickWatch, started_threads
 from carstage.collector.patch_carriers import place_carriers, send_to_ego
 from carstage.collector.patches import PlacedPatch, place_patches
+from carstage.collector.pedestrian_rules import PedestrianRules
 from carstage.collector.scenario import Population, Scenario, make_scenario
 from carstage.collector.scenario.events import EventRunner, check_map
 from carstage.collector.sensors.rig import Rig
@@ -72,6 +73,7 @@ class Scene:
         population: who was spawned.
         step_s: simulated time of a step.
         event_runner: what happens to the ego beside the scenario.
+        pedestrian_rules: stops pedestrians at kerbs.
         patches: pictures on boards.
     """
 
@@ -84,6 +86,7 @@ class Scene:
         population: Population,
         step_s: float,
         event_runner: EventRunner,
+        pedestrian_rules: PedestrianRules,
         patches: Sequence[PlacedPatch] = (),
     ) -> None:
         self._session = session
@@ -91,6 +94,7 @@ class Scene:
         self._scenario = scenario
         self._step_s = step_s
         self._event_runner = event_runner
+        self._pedestrian_rules = pedestrian_rules
         self._parties = tuple(parties)
         self.ego: Any = population.ego
         self.patches = tuple(patches)
@@ -108,6 +112,7 @@ class Scene:
         self._session.weather.advance((tick or 0) * self._step_s)
         self._scenario.before_step(tick)
         self._event_runner.before_step(tick)
+        self._pedestrian_rules.before_step()
         for party in self._parties:
             if party.driving is not None:
                 party.driving.before_step(tick)
@@ -206,8 +211,11 @@ def build_scene(
             flight = DroneFlight(session, agent.drone, carrier, population.ego, spec.step_s)
             parties[number] = parties[number]._replace(flight=flight)
     event_runner = EventRunner(session, spec, population, server.traffic_manager_port)
+    rules = PedestrianRules(session, population.walkers, spec.step_s)
     patches = place_patches(session, spec, population, carriers)
-    return Scene(session, clock, scenario, parties, population, spec.step_s, event_runner, patches)
+    return Scene(
+        session, clock, scenario, parties, population, spec.step_s, event_runner, rules, patches
+    )
 
 
 def _party(

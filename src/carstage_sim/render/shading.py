@@ -120,7 +120,7 @@ _SHARPEST_GLINT: Any = np.float32(2000.0)
 
 
 _DISTANCE, _RISE, _SUNWARDS = 3, 4, 5
-"""Rows of ``ShadeScratch.seen`` after the three of the colour; of ``ways`` the first of them."""
+"""Rows of ``ShadeScratch.seen`` after the three of the colour."""
 
 
 class ShadedFrame(NamedTuple):
@@ -580,7 +580,6 @@ class ShadeScratch(NamedTuple):
 
     Attributes:
         packet: of the rays that are traced.
-        ways: ``(4, 64)`` float32 the rays' unit directions, and how far what they met is.
         normals: ``(6, 64)`` float32 see :func:`_normals_met`.
         free: ``(64,)`` float32 share of the sky's light that comes to what each ray met.
         leaves, sunlit, covered: ``(64,)`` bool: whether it is leaves, whether the sun reaches it,
@@ -591,7 +590,6 @@ class ShadeScratch(NamedTuple):
     """
 
     packet: PacketScratch
-    ways: NDArray[np.float32]
     normals: NDArray[np.float32]
     free: NDArray[np.float32]
     leaves: NDArray[np.bool_]
@@ -605,7 +603,6 @@ def new_shade_scratch() -> ShadeScratch:
     """Working memory for one thread."""
     return ShadeScratch(
         new_packet_scratch(),
-        np.empty((4, PACKET), np.float32),
         np.empty((6, PACKET), np.float32),
         np.empty(PACKET, np.float32),
         np.empty(PACKET, np.bool_),
@@ -635,14 +632,11 @@ def _find_light(frame, rays, memory, order, begin, count, epic):  # type: ignore
         ray = order[begin + i]
         memory.sunlit[i] = False
         memory.covered[i] = False
-        dx, dy, dz, length = _unit(rays.directions, ray)
-        d = (dx, dy, dz)
-        distance = _SKY_M if rays.row[ray] == NOTHING else rays.t[ray] * length
-        for k in range(3):
-            memory.ways[k, i] = d[k]
-        memory.ways[_DISTANCE, i] = distance
         if rays.row[ray] == NOTHING:
             continue
+        dx, dy, dz, length = _unit(rays.directions, ray)
+        d = (dx, dy, dz)
+        distance = rays.t[ray] * length
         nearest = min(nearest, distance)
         normals = _normals_met(frame, rays, ray, d)
         n, way = (normals[0], normals[1], normals[2]), (normals[3], normals[4], normals[5])
@@ -672,8 +666,10 @@ def _find_light(frame, rays, memory, order, begin, count, epic):  # type: ignore
     for i in range(count):
         if not memory.covered[i]:
             continue
-        d = (memory.ways[0, i], memory.ways[1, i], memory.ways[2, i])
-        distance = memory.ways[_DISTANCE, i]
+        ray = order[begin + i]
+        dx, dy, dz, length = _unit(rays.directions, ray)
+        d = (dx, dy, dz)
+        distance = rays.t[ray] * length
         way = (memory.normals[3, i], memory.normals[4, i], memory.normals[5, i])
         _want(packet, which, i, _lifted(_place_met(rays, d, distance), way, distance))
     trace_along(
@@ -695,10 +691,11 @@ def _expose_packet(light, rays, memory, order, begin, count, out):  # type: igno
         )  # fmt: skip
     if light.rain > 0:
         for k in range(count):
+            dx, dy, dz, _ = _unit(rays.directions, order[begin + k])
             seen[0, k], seen[1, k], seen[2, k] = _through_rain(
                 light,
                 rays,
-                (memory.ways[0, k], memory.ways[1, k], memory.ways[2, k]),
+                (dx, dy, dz),
                 seen[_DISTANCE, k],
                 (seen[0, k], seen[1, k], seen[2, k]),
             )
@@ -727,11 +724,13 @@ def shade_packets(frame, rays, memory, epic, order, starts, first, last, out):  
         _find_light(frame, rays, memory, order, begin, count, epic)
         for k in range(count):
             i = order[begin + k]
-            d = (memory.ways[0, k], memory.ways[1, k], memory.ways[2, k])
-            distance = memory.ways[_DISTANCE, k]
+            dx, dy, dz, length = _unit(rays.directions, i)
+            d = (dx, dy, dz)
             if rays.row[i] == NOTHING:
+                distance = _SKY_M
                 r, g, b = _sky_met(light, d)
             else:
+                distance = rays.t[i] * length
                 met = memory.normals
                 normals = (
                     met[0, k], met[1, k], met[2, k], met[3, k], met[4, k], met[5, k],

@@ -390,7 +390,7 @@ WRONG = {
     "map: {layers: [Cellar]}": "map.layers[0]",
     "ego: {blueprint: vehicle.no}": "ego.blueprint",
     "ego: {blueprint: walker.pedestrian.0001}": "ego.blueprint",
-    "ego: {spawn: 211}": "ego.spawn",
+    "ego: {spawn: 214}": "ego.spawn",
     "ego: {spawn: -1}": "ego.spawn",
     "vehicles: {filter: 'sensor.*'}": "vehicles.filter",
     "vehicles: {generation: '9'}": "vehicles.generation",

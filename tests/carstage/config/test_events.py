@@ -12,7 +12,7 @@ from carstage.plan import plan_episodes
 from carstage.plan.facts import ServerFacts
 from carstage.spec import EVENT_SPECS, EpisodeSpec, SpecError
 
-FACTS = ServerFacts(maps={"Stage01": 211})
+FACTS = ServerFacts(maps={"Stage01": 214})
 EVENTS = "scenario: {kind: autopilot, events: [%s]}"
 
 

@@ -186,7 +186,7 @@ def test_baked_lanes_agree_with_the_client(client_map, stage01):
         assert waypoint.transform.location.distance(carla.Location(x, y, z)) < 1e-3
         assert waypoint.is_junction == (lanes.junction_id[i] != -1)
         assert waypoint.lane_width == pytest.approx(lanes.width_m[i])
-    assert set(np.unique(lanes.speed_limit_kmh)) == {20.0, 30.0, 40.0}
+    assert set(np.unique(lanes.speed_limit_kmh)) == {30.0, 40.0}
 
 
 def test_posted_limits_hold_for_their_lanes(client_map, stage01):

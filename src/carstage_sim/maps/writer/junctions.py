@@ -36,7 +36,6 @@ from carstage_sim.maps.writer.signposts import (
     add_lights,
     add_priority_sign,
     add_speed_sign,
-    add_turn_limit,
 )
 
 DIRECTIONS = ("right", "straight", "left")
@@ -75,9 +74,6 @@ def add_crossing(
     else:
         for arm in _minor(order):
             add_priority_sign(builder, arm, control)
-    if turn_limit_kmh is not None:
-        for arm in order:
-            add_turn_limit(builder, arm, [road for road, _ in paths], turn_limit_kmh)
     builder.add_junction(junction_id, paths, lights)
     for arm in order:
         if arm.inbound.sidewalk_m and arm.outbound.sidewalk_m:

@@ -173,8 +173,8 @@ class TownPlan:
         motorways: around or beside the streets.
         kerb_radius_m: radius of the kerb at the corners of crossings.
         turn_limit_kmh: limit on paths that turn at a crossing, where the streets' own limits are
-            too fast for it, with signs: the client's Traffic Manager speeds up within a turn and
-            then swings into the opposite lane. None leaves those of the streets.
+            too fast for it: the client's Traffic Manager speeds up within a turn and then swings
+            into the opposite lane. None leaves those of the streets.
     """
 
     name: str
@@ -191,11 +191,6 @@ class TownPlan:
     def ground_m(self, point: Point) -> float:
         """Height of the ground."""
         return sum((hill.height_at(point) for hill in self.hills), start=0.0)
-
-
-_GRID_BEND_RADIUS_M = 30.0
-"""Half as much again as 30 km/h needs at 3.5 m/s² to the side: the client's Traffic Manager cuts
-corners by some metres."""
 
 
 def grid_streets(
@@ -234,5 +229,5 @@ def grid_streets(
     for c, inner_c in ((0, 1), (last_column, last_column - 1)):
         for r, inner_r in ((0, 1), (last_row, last_row - 1)):
             legs = ((columns[inner_c], rows[r]), (columns[c], rows[r]), (columns[c], rows[inner_r]))
-            streets.append(Street(legs, narrow, bend_radius_m=_GRID_BEND_RADIUS_M))
+            streets.append(Street(legs, narrow))
     return tuple(streets)

@@ -18,9 +18,7 @@ from carstage_sim.maps.writer.builder import NetworkBuilder
 from carstage_sim.maps.writer.network import (
     Controller,
     Crosswalk,
-    LaneKind,
     Road,
-    RoadLink,
     Signal,
     SignalReference,
 )
@@ -35,8 +33,6 @@ STOP_LINE_M = 5.6
 POLE_FROM_KERB_M = 0.9
 SPEED_SIGN_M = 11.0
 """Speed limit signs stand this far behind a junction."""
-TURN_SIGN_M = 0.05
-"""Limits for turns hold from this far into them."""
 _SIGN_FROM_KERB_M = 0.5
 _LIGHT_TYPE = "1000001"
 _SPEED_LIMIT_TYPE = "274"
@@ -128,33 +124,6 @@ def add_speed_sign(builder: NetworkBuilder, arm: Arm) -> None:
     )
 
 
-def add_turn_limit(
-    builder: NetworkBuilder, arm: Arm, paths: Sequence[Road], limit_kmh: int
-) -> None:
-    """The limit for who turns out of an arm whose own limit is higher.
-
-    One sign at the right-hand kerb before the turns, which all such paths refer to. The limits of
-    the roads behind the junction end it.
-    """
-    slow = [
-        road
-        for road in paths
-        if road.predecessor == RoadLink("road", arm.road_id, arm.contact)
-        and road.speed_limit_kmh == limit_kmh < arm.speed_limit_kmh
-    ]
-    sign_id = ""
-    for road in slow:
-        lanes = [lane.lane_id for lane in road.sections[0].lanes if lane.kind is LaneKind.DRIVING]
-        span = min(lanes), max(lanes)
-        _, left_m = arm.mouth.local(road.alignment[0].start.point)
-        side_m = arm.inbound.kerb_m + _SIGN_FROM_KERB_M + left_m
-        if sign_id:
-            place = SignalReference(sign_id, TURN_SIGN_M, -side_m, "+", span)
-            builder.add_reference(road.road_id, place)
-        else:
-            sign_id = post_limit(builder, road.road_id, TURN_SIGN_M, side_m, span, limit_kmh)
-
-
 def post_limit(
     builder: NetworkBuilder,
     road_id: int,
@@ -162,13 +131,12 @@ def post_limit(
     side_m: float,
     lanes: tuple[int, int],
     limit_kmh: int,
-) -> str:
-    """A speed limit sign ``side_m`` from the reference line, on the side of the lanes; its id."""
-    sign_id = builder.next_sign_id()
+) -> None:
+    """A speed limit sign ``side_m`` from the reference line, on the side of the lanes."""
     builder.add_signal(
         road_id,
         Signal(
-            sign_id,
+            builder.next_sign_id(),
             f"Speed limit {limit_kmh}",
             s_m,
             math.copysign(side_m, lanes[0]),
@@ -183,7 +151,6 @@ def post_limit(
             size_m=_SPEED_SIGN_SIZE_M,
         ),
     )
-    return sign_id
 
 
 def add_crosswalk(builder: NetworkBuilder, arm: Arm) -> None:

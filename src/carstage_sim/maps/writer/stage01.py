@@ -8,7 +8,6 @@ STAGE01 = TownPlan(
     "Stage01",
     latitude_deg=49.0,
     longitude_deg=8.4,
-    turn_limit_kmh=20,
     streets=grid_streets(
         columns=(-190.0, -65.0, 55.0, 190.0),
         rows=(-112.0, 0.0, 118.0),

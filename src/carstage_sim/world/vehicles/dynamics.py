@@ -24,12 +24,6 @@ PEDAL_PRESSED_PER_S, PEDAL_RELEASED_PER_S = 6.0, 10.0
 STEERED_OUT_PER_S, STEERED_BACK_PER_S = 2.5, 5.0
 """How fast pedals and the steering wheel follow a command, in shares of their range per second: the
 defaults of Unreal's vehicles, on which CARLA's are built."""
-ENGINE_LAG_S, BRAKE_LAG_S = 0.25, 0.15
-"""Time constants with which torque follows the throttle and brake pressure the pedal; adaptive
-cruise control is designed for such lags (Rajamani, chapters 5 and 6)."""
-STEERING_LAG_S = 0.08
-"""Time constant with which the wheels follow the steering wheel through rods and bushes. Without
-it the steps of a controller that aims at points on the lane, one after the other, are felt."""
 CORNERING_STIFFNESS = 12.0
 """Of an axle, as a multiple of its load, 1/rad: cars have 10 to 15 (Rajamani, "Vehicle Dynamics and
 Control", chapter 2)."""
@@ -38,9 +32,6 @@ RELAXATION_M = 0.5
 Dynamics", chapter 1)."""
 SLOWEST_TURN_IN_M_S = 1.0
 """The relaxation counts as at this speed for who is slower."""
-SETTLING_S, SETTLING_M_S = 0.15, 0.05
-"""A car that stops comes to rest over its springs and tyres: at the end the deceleration falls
-with the speed (plus the second number, so that it ends) over this time, instead of at once."""
 ROLLING_RESISTANCE = 0.12  # m/s^2
 ENGINE_BRAKING = 0.15  # m/s^2 with the throttle released
 ENGINE_BRAKING_PER_SPEED = 0.015  # 1/s
@@ -101,38 +92,27 @@ def next_speed(speed, push, holding, drag_per_mass, dt_s):  # type: ignore[no-un
     """Signed speed along the heading after one substep, m/s.
 
     Brake and resistance can only take speed away: they stop the vehicle and hold it, also on a
-    slope, and never turn its motion round. The last of the speed goes more softly: near rest a
-    tyre's force follows the speed with which it slides (Pacejka, "Tire and Vehicle Dynamics",
-    chapter 8).
+    slope, and never turn its motion round.
 
     Args:
         push: m/s^2 of what accelerates: engine, slope, forces.
         holding: m/s^2, not negative, of what resists any motion: brakes, rolling, engine braking.
         drag_per_mass: 1/m; times speed squared is the drag's deceleration.
     """
-    soft = abs(push) + (abs(speed) + SETTLING_M_S) / SETTLING_S
-    return slowed(speed + push * dt_s, min(holding, soft) + drag_per_mass * speed * speed, dt_s)
+    return slowed(speed + push * dt_s, holding + drag_per_mass * speed * speed, dt_s)
 
 
 @device
-def next_pedal(works, target, lag_s, dt_s):  # type: ignore[no-untyped-def]
-    """How much of its full effect a pedal has after one substep, 0 to 1.
-
-    It goes down and comes up at bounded rates, and what it moves follows with a lag.
-
-    Args:
-        works, target: as it was, and where the pedal is to go.
-        lag_s: time constant.
-    """
+def next_pedal(pressed, target, dt_s):  # type: ignore[no-untyped-def]
+    """How far a pedal is pressed after one substep, 0 to 1."""
     pressing, releasing = PEDAL_PRESSED_PER_S * dt_s, PEDAL_RELEASED_PER_S * dt_s
-    change = (target - works) * (1.0 - math.exp(-dt_s / lag_s))
-    return works + min(max(change, -releasing), pressing)
+    return pressed + min(max(target - pressed, -releasing), pressing)
 
 
 @device
 def next_steer_angle(angle_deg, target_deg, max_deg, dt_s):  # type: ignore[no-untyped-def]
-    """Front wheel angle after one substep, degrees: with a lag and at a bounded rate."""
-    change = (target_deg - angle_deg) * (1.0 - math.exp(-dt_s / STEERING_LAG_S))
+    """Front wheel angle after one substep, degrees: towards the target at a bounded rate."""
+    change = target_deg - angle_deg
     outwards = change * angle_deg >= 0.0
     bound = (STEERED_OUT_PER_S if outwards else STEERED_BACK_PER_S) * max_deg * dt_s
     return angle_deg + min(max(change, -bound), bound)

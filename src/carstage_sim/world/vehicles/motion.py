@@ -214,12 +214,8 @@ def _next_speed(rows, tick, i, rolling, dt_s):  # type: ignore[no-untyped-def]
     """Speed after the engine, the brakes and the slope have worked."""
     speed, gear = rows.speed[i], rows.gear[i]
     magnitude = abs(speed)
-    throttle = rows.throttle[i] = dynamics.next_pedal(
-        rows.throttle[i], tick.throttle[i], dynamics.ENGINE_LAG_S, dt_s
-    )
-    brake = rows.brake[i] = dynamics.next_pedal(
-        rows.brake[i], tick.brake[i], dynamics.BRAKE_LAG_S, dt_s
-    )
+    throttle = rows.throttle[i] = dynamics.next_pedal(rows.throttle[i], tick.throttle[i], dt_s)
+    brake = rows.brake[i] = dynamics.next_pedal(rows.brake[i], tick.brake[i], dt_s)
     if not rolling:
         drag = rows.drag_per_mass[i] * speed * magnitude
         return speed + (tick.slope_and_forces[i] - drag) * dt_s
@@ -230,12 +226,11 @@ def _next_speed(rows, tick, i, rolling, dt_s):  # type: ignore[no-untyped-def]
     if gear < 0:
         drive = -drive
     too_fast_backwards = gear < 0 and speed <= -rows.max_reverse_speed[i]
-    drive *= powertrain.clutch(rows.shift_left_s[i], rows.shift_time[i])
-    if too_fast_backwards:
+    if rows.shift_left_s[i] > 0.0 or too_fast_backwards:
         drive = 0.0
     braking = brake * rows.brake_deceleration[i] + tick.hand_brake[i]
     holding = min(braking, tick.hold[i]) + min(dynamics.ROLLING_RESISTANCE, tick.hold[i])
-    if throttle < 0.05 and gear != 0:
+    if throttle < 0.01 and gear != 0:
         braking = dynamics.ENGINE_BRAKING + dynamics.ENGINE_BRAKING_PER_SPEED * magnitude
         holding += min(braking * rows.engine_brake[i], tick.traction[i])
     push = drive + tick.slope_and_forces[i]

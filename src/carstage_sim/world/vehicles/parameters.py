@@ -56,14 +56,15 @@ class VehicleParameters:
         track_m: distance between the left and right wheels.
         mass_kg: kerb weight.
         box_center_x_m, half_length_m, half_width_m: footprint for contacts, in the vehicle's frame.
-        max_acceleration: m/s^2 at full throttle and low speed. Of a car that needs 11 s to
-            100 km/h; with the 0.85 that the Traffic Manager gives, it sets off with 3.4.
+        max_acceleration: m/s^2 at full throttle and low speed.
         power_per_mass: W/kg at the wheels; bounds the acceleration at speed v to ``power / v``.
         max_deceleration: m/s^2 at full brake.
         max_lateral_acceleration: m/s^2, what the tyres hold in a turn. A road car holds 7 to 8; the
             Traffic Manager takes some bends faster (at 7.5, cars slid 3 m out of one in Town03).
         max_reverse_speed: m/s.
         blueprint_mass_kg: mass that ``power_per_mass`` belongs to; 0 for ``mass_kg`` itself.
+        drivetrain_efficiency: share of the engine's torque that pushes the vehicle.
+        brake_gain: share of the brakes' torque that slows it down.
         steering_curve: (speed km/h, share of the steering angle), ascending speeds.
     """
 
@@ -75,12 +76,14 @@ class VehicleParameters:
     box_center_x_m: float
     half_length_m: float
     half_width_m: float
-    max_acceleration: float = 4.0
+    max_acceleration: float = 4.5
     power_per_mass: float = 75.0
     max_deceleration: float = 9.0
     max_lateral_acceleration: float = 11.0
     max_reverse_speed: float = 8.0
     blueprint_mass_kg: float = 0.0
+    drivetrain_efficiency: float = 1.0
+    brake_gain: float = 1.0
     torque_curve: tuple[tuple[float, float], ...] = ((0.0, 400.0), (1890.0, 500.0), (5729.0, 400.0))
     max_rpm: float = 5729.0
     moi: float = 1.0

@@ -1,12 +1,11 @@
 """From the throttle to the wheels: torque curve, gear box and brakes of a fleet.
 
-The engine turns with the driven wheels, so its speed follows from the vehicle's and the gear's
-ratio. What it pushes a vehicle of mass m with, at the wheels of radius r, through the total ratio
-R, while it must also turn its own moment of inertia J, is the textbook's
-``a = T R / (r (m + J R² / r²))`` (Rajamani, "Vehicle Dynamics and Control", chapter 5). The torque
-curve is scaled once per blueprint, so that full throttle in first gear gives the blueprint's
-``max_acceleration``, and so are the brakes. So whoever computes with the physics control that a
-client is told finds the vehicle's own motion.
+The engine turns with the driven wheels (no clutch slip), so its speed follows from the vehicle's
+and the gear's ratio. What it pushes a vehicle of mass m with, at the wheels of radius r, through
+the total ratio R, while it must also turn its own moment of inertia J, is the textbook's
+``a = efficiency T R / (r (m + J R² / r²))`` (Rajamani, "Vehicle Dynamics and Control", chapter 5).
+The efficiency is set once per blueprint, so that full throttle in first gear gives the blueprint's
+``max_acceleration``; whatever a client then changes shows as it does in that formula.
 """
 
 from __future__ import annotations
@@ -26,47 +25,23 @@ MAX_GEARS = 10
 CURVE_POINTS = 24
 """Samples of a torque curve, from standstill to the highest engine speed."""
 
-CLUTCH_OPENS_S, CLUTCH_CLOSES_S = 0.15, 0.3
-"""How long it takes; together they fit into the half second that CARLA's boxes shift in."""
-
 _REVERSE_RATIO = 4.0  # PhysX's default; CARLA's physics control has no field for it
 _HYSTERESIS = 1.05  # how far above a gear's lower shift point its upper one is at least
 _LAST_SHIFT = 0.97  # of the highest engine speed
 _RPM = 60.0 / (2.0 * np.pi)
-_TORQUE_DECIMALS = 1
 
 
 def calibrated(parameters: VehicleParameters) -> VehicleParameters:
     """Parameters of a blueprint whose drive and brakes give its stated accelerations."""
-    force_per_torque = np.asarray(gear_values(parameters)["force_per_torque"])[1]
-    torque, losses = _torque_and_losses(parameters)
-    needed = parameters.max_acceleration / force_per_torque
-    drive = float(((needed + losses) / torque).min())  # the strongest point gives what is needed
+    unscaled = gear_values(replace(parameters, drivetrain_efficiency=1.0))
+    pull = np.asarray(unscaled["force_per_torque"])[1] * np.asarray(unscaled["torque"]).max()
     brake = sum(wheel.max_brake_torque / wheel.radius_m for wheel in parameters.wheels)
-    hold = parameters.max_deceleration * parameters.mass_kg / brake
     return replace(
         parameters,
         blueprint_mass_kg=parameters.mass_kg,
-        torque_curve=tuple(
-            (rpm, round(drive * value, _TORQUE_DECIMALS)) for rpm, value in parameters.torque_curve
-        ),
-        wheels=tuple(
-            replace(
-                wheel,
-                max_brake_torque=round(hold * wheel.max_brake_torque, _TORQUE_DECIMALS),
-                max_handbrake_torque=round(hold * wheel.max_handbrake_torque, _TORQUE_DECIMALS),
-            )
-            for wheel in parameters.wheels
-        ),
+        drivetrain_efficiency=float(parameters.max_acceleration / pull),
+        brake_gain=parameters.max_deceleration * parameters.mass_kg / brake,
     )
-
-
-def _torque_and_losses(parameters: VehicleParameters) -> tuple[FloatArray, FloatArray]:
-    """Torque at full throttle and what the engine's damping takes of it, ``(24,)`` N m each."""
-    rpm = np.linspace(0.0, max(parameters.max_rpm, 1.0), CURVE_POINTS)
-    speeds, torques = np.array(sorted(parameters.torque_curve), dtype=np.float64).T
-    losses = max(parameters.damping_rate_full_throttle, 0.0) * rpm / _RPM
-    return np.asarray(np.interp(rpm, speeds, torques)), np.asarray(losses)
 
 
 def gear_values(parameters: VehicleParameters) -> dict[str, ArrayLike]:
@@ -92,12 +67,14 @@ def gear_values(parameters: VehicleParameters) -> dict[str, ArrayLike]:
             share = min(max(gear.up_ratio, back), _LAST_SHIFT)
             up[index] = share * max_rpm / rpm_per_speed[index]
             lowest[index + 1] = up[index] / _HYSTERESIS
-    torque, losses = _torque_and_losses(parameters)
+    rpm = np.linspace(0.0, max_rpm, CURVE_POINTS)
+    speeds, torques = np.array(sorted(parameters.torque_curve), dtype=np.float64).T
+    losses = max(parameters.damping_rate_full_throttle, 0.0) * rpm / _RPM
     return {
-        "torque": np.maximum(torque - losses, 0.0),
+        "torque": np.maximum(np.interp(rpm, speeds, torques) - losses, 0.0),
         "max_rpm": max_rpm,
         "rpm_per_speed": rpm_per_speed,
-        "force_per_torque": ratios / (radius_m * mass_kg),
+        "force_per_torque": parameters.drivetrain_efficiency * ratios / (radius_m * mass_kg),
         "gear_count": len(gears),
         "shift_up_speed": up,
         "shift_down_speed": np.minimum(down, lowest),
@@ -144,18 +121,3 @@ def shifted(row, gear, speed, shift_up_speed, shift_down_speed):  # type: ignore
     if abs(speed) < shift_down_speed[row, gear]:
         return gear - 1
     return gear
-
-
-@device
-def clutch(left_s, shift_time_s):  # type: ignore[no-untyped-def]
-    """Share of the drive that gets through while the box shifts, 0 to 1.
-
-    It opens as a shift begins and closes towards its end, so that no shift is a jolt.
-
-    Args:
-        left_s: of the shift, 0 for none.
-        shift_time_s: how long a shift takes.
-    """
-    opening = 1.0 - (shift_time_s - left_s) / CLUTCH_OPENS_S
-    closing = 1.0 - left_s / CLUTCH_CLOSES_S
-    return min(max(opening, closing, 0.0), 1.0)

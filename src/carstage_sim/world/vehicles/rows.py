@@ -30,8 +30,8 @@ class VehicleRows:
 
     Motion is that of the middle of the rear axle: ``speed`` along the heading, ``slide`` to the
     right of it, ``spin`` (rad/s) on top of the turn that the front wheels steer, ``vertical_speed``
-    upwards while in the air. ``throttle`` and ``brake`` are what the pedals have brought about,
-    ``control`` where they are to go.
+    upwards while in the air. ``throttle`` and ``brake`` are where the pedals are, ``control`` where
+    they are to go.
     """
 
     ids: NDArray[np.uint32]
@@ -186,8 +186,8 @@ def parameter_values(parameters: VehicleParameters) -> dict[str, ArrayLike]:
         "power_per_mass": parameters.power_per_mass
         * (parameters.blueprint_mass_kg or mass_kg)
         / mass_kg,
-        "brake_deceleration": brake / mass_kg,
-        "hand_brake_deceleration": hand_brake / mass_kg,
+        "brake_deceleration": parameters.brake_gain * brake / mass_kg,
+        "hand_brake_deceleration": parameters.brake_gain * hand_brake / mass_kg,
         "engine_brake": max(parameters.damping_rate_zero_throttle_clutch_engaged, 0.0)
         / _NORMAL_ENGINE_DAMPING,
         "max_deceleration": parameters.max_deceleration,

@@ -25,7 +25,7 @@ def town(configure: Page) -> Page:
 
 def show_map(page: Page) -> None:
     page.get_by_role("button", name="Map", exact=True).click()
-    page.locator(".spawn-points").and_(page.locator("[data-count='211']")).wait_for(
+    page.locator(".spawn-points").and_(page.locator("[data-count='214']")).wait_for(
         state="attached"
     )
 

@@ -21,7 +21,7 @@ def asked(site: Site, server: dict[str, Any], name: str) -> dict[str, Any]:
 def test_a_town_of_the_embedded_simulator_has_lanes_and_spawn_points(site: Site) -> None:
     town = asked(site, {"kind": "embedded"}, "Carla/Maps/Stage01")
     assert (town["map"], town["note"]) == ("Stage01", "")
-    assert len(town["spawn_points"]) == 211
+    assert len(town["spawn_points"]) == 214
     assert len(town["lanes"]) == len(town["lane_widths_m"]) == len(town["lane_heights_m"])
     for lane, heights_m in zip(town["lanes"], town["lane_heights_m"], strict=True):
         assert len(lane) == len(heights_m)

@@ -95,8 +95,8 @@ def test_capture_does_not_wait_for_grids_and_voxels(
     plan["episodes"][1]["spec"]["labels"] = asked
     code, events = collector.run(plan)
     assert code == 0
-    ticks = [event for event in events if event["event"] == "tick"]
-    assert [event["tick"] for event in ticks] == [0, 1, 2, 3] * 2
+    ticks = [e["ticks"] for e in events if e["event"] == "episode_recorded"]
+    assert ticks == [4, 4]
     assert truth(tmp_path / "without") == truth(tmp_path / "with")
     assert EpisodeLog(tmp_path / "with").spec.labels.occupancy is not None
 

@@ -45,6 +45,7 @@ from carstage_sim.render.scene import Surfaces
 from carstage_sim.render.shafts import trace_along
 from carstage_sim.render.simd import PACKET
 from carstage_sim.render.sky import Lighting
+from carstage_sim.render.stars import starlight
 from carstage_sim.render.surface import facing_normals, is_leaf, surface_material, water
 from carstage_sim.render.weathering import fog_share, rain_share
 
@@ -514,9 +515,14 @@ def _lamps_on(frame):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _sky_met(light, d):  # type: ignore[no-untyped-def]
-    """Radiance of the sky and the sun's disc in a unit direction."""
+def _sky_met(light, d, pixel_angle):  # type: ignore[no-untyped-def]
+    """Radiance of the sky, the stars and the sun's disc in a unit direction."""
     r, g, b = sky_radiance(light, d[0], d[1], d[2])
+    if light.stars > 0:
+        star = starlight(d[0], d[1], d[2], pixel_angle)
+        r += star[0] * light.stars
+        g += star[1] * light.stars
+        b += star[2] * light.stars
     s = light.sun_direction
     if sun_is_up(light) and d[0] * s[0] + d[1] * s[1] + d[2] * s[2] > _SUN_DISC_COS:
         r += light.sun[0] * _SUN_DISC_GAIN
@@ -551,7 +557,7 @@ def shade_rays(frame, rays, scratch, epic, first, last, out):  # type: ignore[no
         d = (dx, dy, dz)
         if rays.row[i] == NOTHING:
             distance = _SKY_M
-            r, g, b = _sky_met(light, d)
+            r, g, b = _sky_met(light, d, rays.pixel_angle)
         else:
             distance = rays.t[i] * length
             normals = _normals_met(frame, rays, i, d)
@@ -728,7 +734,7 @@ def shade_packets(frame, rays, memory, epic, order, starts, first, last, out):  
             d = (dx, dy, dz)
             if rays.row[i] == NOTHING:
                 distance = _SKY_M
-                r, g, b = _sky_met(light, d)
+                r, g, b = _sky_met(light, d, rays.pixel_angle)
             else:
                 distance = rays.t[i] * length
                 met = memory.normals

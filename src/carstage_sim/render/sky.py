@@ -41,6 +41,11 @@ _EXPOSURE, _ADAPTATION = 1.571, 0.52
 _NIGHT_SKY = np.array([0.0015, 0.0022, 0.0045])
 _LAMPLIT_RAIN = np.array([0.0085, 0.0058, 0.0030])
 """Light of the town's lamps that heavy rain scatters by night."""
+_TOWN_GLOW = np.array([0.0064, 0.0043, 0.0024])
+"""Light of the town's lamps that the air above it scatters, at the horizon."""
+_GLOW_RAD = 0.16
+"""At this elevation a half of it is left."""
+_MOST_STARRY_CLOUD = 0.3
 _FALL_PER_M = 0.1
 """Fog's loss per metre at ``fog_falloff`` 1 (Unreal: the fall-off is over 10 m of height)."""
 
@@ -62,6 +67,7 @@ class Lighting(NamedTuple):
         rain, wind: float32 0-1: how much of it falls, how hard it blows.
         night: float32 0-1: how far lamps are on.
         lamp: float32 radiance of a lamp of strength 1, which the automatic exposure shows as white.
+        stars: float32 radiance of a star as bright as such a lamp; 0 by day and under clouds.
         exposure: float32 factor from radiance to the film.
         time_s: float32 time that lets blinkers blink.
     """
@@ -81,6 +87,7 @@ class Lighting(NamedTuple):
     wind: np.float32
     night: np.float32
     lamp: np.float32
+    stars: np.float32
     exposure: np.float32
     time_s: np.float32
 
@@ -261,6 +268,7 @@ def _lighting(weather: Weather, noise: Array) -> Lighting:
     shade = (1.12 - 0.75 * np.clip(noise - 0.3, 0.0, 1.0) * (0.5 + cloud))[..., None]
     opacity = (cover * min(1.0, 0.35 + 0.9 * cloud))[..., None]
     sky = sky * (1 - opacity) + opacity * bright * shade
+    sky = sky + night * _town_glow(cloud)
     dim = (1.0 - 0.97 * overcast * min(1.0, cloud + 0.1)) * (1.0 - 0.25 * cloud)
     sun = sun * dim
     if night > 0.5 and sun.max() < 0.02:
@@ -298,9 +306,23 @@ def _lighting(weather: Weather, noise: Array) -> Lighting:
         wind=np.float32(np.clip(weather.wind_intensity / 100.0, 0.0, 1.0)),
         night=np.float32(night),
         lamp=np.float32(1.0 / exposure),
+        stars=np.float32(_stars(night, cloud, float(rain)) / exposure),
         exposure=np.float32(exposure),
         time_s=np.float32(0.0),
     )
+
+
+def _town_glow(cloud: float) -> Array:
+    """``(ROWS, 1, 3)`` radiance of the town's light above it; clouds throw more of it back."""
+    share = 1.0 / (1.0 + (_elevations(ROWS) / _GLOW_RAD) ** 2)
+    share = share + 0.25 * cloud
+    glow: Array = share[:, None, None] * _TOWN_GLOW
+    return glow
+
+
+def _stars(night: float, cloud: float, rain: float) -> float:
+    """How much of the stars is seen, 0-1."""
+    return night * max(1.0 - cloud / _MOST_STARRY_CLOUD, 0.0) * max(1.0 - 2.0 * rain, 0.0)
 
 
 def _fog(

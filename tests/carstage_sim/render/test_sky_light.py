@@ -58,3 +58,18 @@ def test_light_is_finite_and_never_negative(light, altitude, cloudiness):
 
 def test_unchanged_weather_keeps_its_sky(light):
     assert light(cloudiness=10.0).sky is light(cloudiness=10.0).sky
+
+
+def test_stars_are_seen_on_clear_nights_only(light):
+    night = light(sun_altitude_angle=-60.0, cloudiness=0.0)
+    assert night.stars > 0.5 * night.lamp
+    assert light(sun_altitude_angle=30.0, cloudiness=0.0).stars == 0.0
+    assert light(sun_altitude_angle=-60.0, cloudiness=80.0).stars == 0.0
+    assert light(sun_altitude_angle=-60.0, cloudiness=0.0, precipitation=60.0).stars == 0.0
+
+
+def test_by_night_the_towns_light_stands_above_the_horizon(light):
+    sky = light(sun_altitude_angle=-60.0, cloudiness=0.0).sky.mean(axis=1)
+    assert sky[0].mean() > 2.0 * sky[-1].mean()
+    assert sky[0, 0] > sky[0, 2], "the lamps are warm"
+    assert np.all(np.diff(sky[:, 0]) <= 1e-6)

@@ -76,7 +76,7 @@ class Surroundings:
         self._session = session
         self._spec = spec
         self._port = traffic_manager_port
-        self._vehicles = list(population.vehicles)
+        self._all_vehicles = list(population.vehicles)
         self._lights: Dict[int, int] = {}
         driven = driven_by_traffic(spec, population)
         values = personalities(spec, driven, population.ego)
@@ -89,6 +89,11 @@ class Surroundings:
         self.step_s = spec.step_s
         self.time_s = 0.0
         self.commands: List[Any] = []
+
+    @property
+    def _vehicles(self) -> List[Any]:
+        """All but the ego that are there: the Traffic Manager destroys who stands too long."""
+        return [one for one in self._all_vehicles if one.is_alive]
 
     @property
     def ego_speed_m_s(self) -> float:
@@ -221,14 +226,14 @@ class Surroundings:
             if actor is not None:
                 self._session.destroy_on_exit("event's actor %d" % actor.id, actor)
                 if actor.type_id.startswith("vehicle."):
-                    self._vehicles.append(actor)
+                    self._all_vehicles.append(actor)
                 return actor
         return None
 
     def remove(self, actors: Sequence[Any]) -> None:
         """Destroy actors now."""
         gone = {actor.id for actor in actors}
-        self._vehicles = [one for one in self._vehicles if one.id not in gone]
+        self._all_vehicles = [one for one in self._all_vehicles if one.id not in gone]
         if gone:
             destroy = [carla.command.DestroyActor(actor_id) for actor_id in sorted(gone)]
             self._session.client.apply_batch_sync(destroy, False)

@@ -81,8 +81,9 @@ class WorksTraffic:
     def release(self) -> None:
         """Everybody drives as before."""
         for vehicle in self._vehicles.values():
-            self._world.shift(vehicle, 0.0)
-            self._world.limit_speed(vehicle, None)
+            if vehicle.is_alive:
+                self._world.shift(vehicle, 0.0)
+                self._world.limit_speed(vehicle, None)
 
     def _steer(self, vehicle: Any, goes: Any) -> None:
         works = self._works

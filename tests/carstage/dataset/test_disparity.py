@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -16,11 +17,19 @@ from carstage.config import check_config
 from carstage.dataset import Dataset
 from carstage.errors import ConfigError, DatasetError
 from carstage.exporters import export_dataset
-from carstage.geometry.stereo import StereoCamera, stereo_pairs
+from carstage.geometry.stereo import (
+    STEPS_PER_PX,
+    CameraPair,
+    StereoCamera,
+    disparity_steps,
+    stereo_pairs,
+)
 from carstage.plan import ServerFacts, plan_episodes
 from carstage.report.disparity import disparity_section, draw_disparity
 from carstage.validation import validate_dataset
-from carstage.validation.checks.disparity import contradicting_share
+from carstage.validation.checks.disparity import DisparityChecks, contradicting_share
+from carstage.validation.checks.files import VerifiedFiles
+from carstage.validation.checks.findings import Findings
 
 WIDTH, HEIGHT = SIZE
 BASELINE_M = 0.54
@@ -124,6 +133,23 @@ def test_wrong_disparity_is_found(
     Image.fromarray(shown.astype(np.uint16)).save(path)
     recommit(stereo)
     assert found_errors(stereo) == {"disparity"}
+
+
+def test_what_rounds_to_the_least_and_the_most_value_is_right() -> None:
+    focal_px, baseline_m = 100.0, 0.02
+    at = np.array([0.4, 0.6, 0.99, 1.4, 65534.7, 65535.3, 65535.7])
+    depth_m = (STEPS_PER_PX * focal_px * baseline_m / at).astype(np.float32)[None]
+    k = np.diag([focal_px, focal_px, 1.0])
+    left, right = (StereoCamera(name, "ego", at.size, 1, k, np.eye(4)) for name in "AB")
+    pair = CameraPair(left, right, baseline_m)
+    steps = disparity_steps(depth_m, focal_px, baseline_m)
+    assert steps.tolist() == [[0, 1, 1, 1, 65535, 65535, 0]]
+    labels = SimpleNamespace(disparity=False)
+    episode: Any = SimpleNamespace(spec=SimpleNamespace(labels=labels), sensors=())
+    findings, files = Findings("episode"), cast(VerifiedFiles, None)
+    checks = DisparityChecks(episode, files, findings)
+    checks._compare(left, pair, 0, steps, depth_m)
+    assert not findings.problems()
 
 
 def test_damaged_and_missing_files_are_named(stereo: Path) -> None:

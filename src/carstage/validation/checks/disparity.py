@@ -80,8 +80,10 @@ class DisparityChecks:
         steps: NDArray[np.uint16],
         depth_m: NDArray[Any],
     ) -> None:
-        wanted = STEPS_PER_PX * pair.focal_px * pair.baseline_m / np.maximum(depth_m, 1e-6)
-        there = (depth_m < _FAR_M) & (wanted >= 1.0) & (wanted <= np.iinfo(np.uint16).max)
+        depth = np.maximum(depth_m.astype(np.float64), 1e-6)
+        wanted = STEPS_PER_PX * pair.focal_px * pair.baseline_m / depth
+        stored = np.rint(wanted)
+        there = (depth < _FAR_M) & (stored >= 1.0) & (stored <= np.iinfo(np.uint16).max)
         wrong = int(np.count_nonzero(np.abs(np.where(there, wanted, 0.0) - steps) > _STEPS))
         if wrong:
             what = f"{wrong} pixels are not focal length times baseline by depth"

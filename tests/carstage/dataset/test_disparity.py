@@ -15,8 +15,9 @@ import analytic_scene
 from analytic_dataset import SIZE, attempt_of, make_dataset, recommit
 from carstage.config import check_config
 from carstage.dataset import Dataset
-from carstage.errors import ConfigError, DatasetError
-from carstage.exporters import export_dataset
+from carstage.errors import BadInputError, ConfigError, DatasetError
+from carstage.exporters import ExportOptions, export_dataset
+from carstage.exporters.formats.kitti_stereo import stereo_pair
 from carstage.geometry.stereo import (
     STEPS_PER_PX,
     CameraPair,
@@ -179,6 +180,31 @@ def test_export_takes_the_labels_where_depth_is_hidden(stereo: Path, tmp_path: P
     hidden = (whole > 0) & (both == 0)
     assert np.array_equal(both[both > 0], whole[both > 0])
     assert 0 < hidden.sum() < 0.3 * (whole > 0).sum()
+
+
+def test_export_takes_the_pair_that_has_disparity(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain = analytic_scene.spec
+
+    def spec(**options: Any) -> dict[str, Any]:
+        found = plain(**options)
+        labels = {**found["labels"], "disparity": True}
+        sensors = with_pair(found["sensors"])
+        right = next(sensor for sensor in sensors if sensor["id"] == "CAM_RIGHT")
+        pose = {**right["pose"], "y_m": right["pose"]["y_m"] + BASELINE_M}
+        bare = {"labelled": False, "depth": None, "instance": None}
+        far = {**right, "id": "CAM_FAR", "pose": pose, **bare}
+        return {**found, "sensors": [far, *sensors], "labels": labels}
+
+    monkeypatch.setattr(analytic_scene, "spec", spec)
+    dataset = make_dataset(tmp_path / "out", tmp_path, steps=1)
+    (episode,) = Dataset(dataset).episodes
+    pair = stereo_pair(episode, ExportOptions())
+    assert (pair.left.id, pair.right.id, pair.labelled) == ("CAM_FRONT", "CAM_RIGHT", True)
+    named = ExportOptions(cameras=("CAM_FRONT", "CAM_FAR"))
+    with pytest.raises(BadInputError, match="CAM_FAR has no depth camera"):
+        stereo_pair(episode, named)
 
 
 def test_report_shows_it(stereo: Path) -> None:

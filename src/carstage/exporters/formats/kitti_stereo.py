@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, ClassVar, Final
@@ -50,33 +50,43 @@ class StereoPair:
     baseline_m: float
     labelled: bool
 
+    @property
+    def is_measured(self) -> bool:
+        """Whether disparity or depth of both is known."""
+        return self.labelled or None not in (self.left.depth, self.right.depth)
+
 
 def stereo_pair(episode: Episode, options: ExportOptions) -> StereoPair:
-    """The pair that the options name, left first, or the first one of the rig.
+    """The pair that the options name, left first, or the first one of the rig that is measured.
 
     Raises:
         BadInputError: there is none, or it has neither disparity nor depth.
     """
-    cameras = colour_cameras(episode, options, labelled=False, pinholes=True)
-    for left in cameras[:1] if options.cameras else cameras:
-        for right in cameras:
-            baseline_m = _baseline_m(left, right)
-            if baseline_m is None:
-                continue
-            labelled = _has_labels(episode, (left, right))
-            for one in (left, right):
-                if one.depth is None and not labelled:
-                    raise BadInputError(
-                        f"Episode {episode.id}: {one.id} has no depth camera beside it.",
-                        "Record with labels.disparity: true. Or record a sensor of kind depth with "
-                        "the pose and attributes of each of the two, and label both cameras.",
-                    )
-            return StereoPair(left, right, baseline_m, labelled)
+    found = sorted(_pairs(episode, options), key=lambda pair: not pair.is_measured)
+    for pair in found[:1]:
+        for one in (pair.left, pair.right):
+            if one.depth is None and not pair.labelled:
+                raise BadInputError(
+                    f"Episode {episode.id}: {one.id} has no depth camera beside it.",
+                    "Record with labels.disparity: true. Or record a sensor of kind depth with "
+                    "the pose and attributes of each of the two, and label both cameras.",
+                )
+        return pair
     raise BadInputError(
         f"Episode {episode.id} has no rectified stereo pair.",
         "It takes two cameras of equal lenses and directions, one to the right of the other; "
         "--camera LEFT --camera RIGHT names them.",
     )
+
+
+def _pairs(episode: Episode, options: ExportOptions) -> Iterator[StereoPair]:
+    """The pairs of the rig, or those that the options name, left first."""
+    cameras = colour_cameras(episode, options, labelled=False, pinholes=True)
+    for left in cameras[:1] if options.cameras else cameras:
+        for right in cameras:
+            baseline_m = _baseline_m(left, right)
+            if baseline_m is not None:
+                yield StereoPair(left, right, baseline_m, _has_labels(episode, (left, right)))
 
 
 def _baseline_m(left: SensorCalibration, right: SensorCalibration) -> float | None:

@@ -159,6 +159,11 @@ class AttemptWatch:
                 f"The server has not answered for {silent_s:.0f} s: {error.message}",
                 "A server that is only slow needs a longer supervision.hang_s.",
             )
+        except Exception as error:  # noqa: BLE001 - a user's code; this thread must go on to tell it
+            return ServerError(
+                f"The server's probe raised {type(error).__name__}: {error}.",
+                "Where a server does not answer, its probe raises a ServerError.",
+            )
         self._silences = 0
         self._answered_s = self._clock_s()
         return None

@@ -173,6 +173,23 @@ def test_watch_looks_by_itself_and_ends_with_its_context(tmp_path: Path) -> None
     assert not watching._thread.is_alive()
 
 
+def test_watch_names_what_a_probe_raises_by_mistake() -> None:
+    def ask() -> str:
+        raise ConnectionRefusedError("nobody listens")
+
+    watching = AttemptWatch(
+        Endpoint("127.0.0.1", 2000, 8000, "0.9.16", None),
+        os.getpid(),
+        Limits(0.01, PLENTY, PLENTY),
+        ask=ask,
+        look_every_s=0.01,
+    )
+    with watching:
+        problem = wait_for(lambda: watching.problem, "the problem", patience_s=30.0)
+    assert isinstance(problem, ServerError)
+    assert "ConnectionRefusedError: nobody listens" in problem.message
+
+
 def test_automatic_limits_are_shares_of_the_machine() -> None:
     limits = Limits.of(Supervision(server_memory=64))
     assert limits.server_bytes == 64_000_000

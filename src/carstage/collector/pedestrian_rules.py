@@ -27,6 +27,8 @@ STANDS_M_S = 0.5
 MISS_M = 3.0
 TURN_M = 25.0
 """Nearer vehicles may turn towards a crosswalk that they would pass straight on."""
+ARRIVED_M = 2.0
+"""Who was that near to its target walks where CARLA's navigation sends it since."""
 CAR_M = 2.5
 """From a vehicle's middle to its front."""
 MARGIN_S = 1.0
@@ -129,6 +131,9 @@ class PedestrianRules:
         self._step_s = step_s
         self._time_s = 0.0
         self._at_kerb: Dict[int, _AtKerb] = {}
+        self._targets = {
+            walker.actor.id: walker.target for walker in walkers if walker.target is not None
+        }
         self._cells: Dict[Tuple[int, int], List[Crosswalk]] = {}
         lights = sorted(
             session.world.get_actors().filter("traffic.traffic_light"),
@@ -150,6 +155,8 @@ class PedestrianRules:
         vehicles: Optional[List[Moving]] = None
         for walker in self._walkers:
             state = snapshot.find(walker.actor.id)
+            if state is not None:
+                self._note_arrival(walker.actor.id, state)
             waits = None if state is None else self._comes_to(walker.actor.id, state)
             if waits is None:
                 self._at_kerb.pop(walker.actor.id, None)
@@ -163,11 +170,20 @@ class PedestrianRules:
         free = is_free(waits.crosswalk, vehicles, walker.speed_m_s, waited_s, waits.goes)
         if free and waits.stands:
             walker.controller.set_max_speed(walker.speed_m_s)
-            if walker.target is not None:  # the client gives up ways on which it stands
-                walker.controller.go_to_location(walker.target)
+            target = self._targets.get(walker.actor.id)
+            if target is not None:  # the client gives up ways on which it stands
+                walker.controller.go_to_location(target)
         elif not free and not waits.stands:
             walker.controller.set_max_speed(0.0)
         waits.stands, waits.goes = not free, free
+
+    def _note_arrival(self, number: int, state: Any) -> None:
+        target = self._targets.get(number)
+        if target is None:
+            return
+        here = state.get_transform().location
+        if math.hypot(here.x - target.x, here.y - target.y) < ARRIVED_M:
+            del self._targets[number]
 
     def _comes_to(self, number: int, state: Any) -> Optional[_AtKerb]:
         """The kerb at which a pedestrian stands or arrives; None: it does neither."""

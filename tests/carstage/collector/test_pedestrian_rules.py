@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import random
+from types import SimpleNamespace
+from typing import Any
 
 import carla
 import pytest
 
+from carstage.collector import pedestrian_rules
+from carstage.collector.actors import Walker
 from carstage.collector.crosswalks import Crosswalk, crossing_ways, outlines
-from carstage.collector.pedestrian_rules import Moving, is_free
+from carstage.collector.pedestrian_rules import Moving, PedestrianRules, is_free
 
 SPEED_M_S = 1.4
 GREEN, RED, YELLOW, OFF = (
@@ -107,3 +111,55 @@ def test_there_is_no_way_where_no_crosswalk_is_near() -> None:
     start = carla.Transform(carla.Location(0.0, 0.0, 0.0))
     places = [carla.Location(500.0, side * 5.0, 0.0) for side in (1.0, -1.0)]
     assert not list(crossing_ways([crosswalk(x=500.0)], places, start, random.Random(1)))
+
+
+class _Street:
+    """A crosswalk, one pedestrian and perhaps a vehicle that comes, as the client has them."""
+
+    def __init__(self) -> None:
+        self.place, self.moves = (0.0, -4.5), (0.0, 1.4)
+        self.comes = False
+        self.speeds: list[float] = []
+        self.sent: list[Any] = []
+        self.world = self.map = self
+        self.id = 1
+        self.target = carla.Location(0.0, 6.0, 0.0)
+
+    def walker(self) -> Walker:
+        controller = SimpleNamespace(
+            set_max_speed=self.speeds.append, go_to_location=self.sent.append
+        )
+        return Walker(self, controller, SPEED_M_S, self.target)
+
+    def get_actors(self) -> Any:
+        vehicles = [SimpleNamespace(id=2)] if self.comes else []
+        return SimpleNamespace(filter=lambda kind: vehicles if "vehicle" in kind else [])
+
+    def get_snapshot(self) -> Any:
+        return self
+
+    def find(self, number: int) -> Any:
+        place, moves = (self.place, self.moves) if number == 1 else ((-10.0, 1.7), (10.0, 0.0))
+        return SimpleNamespace(
+            get_transform=lambda: carla.Transform(carla.Location(*place, 0.0)),
+            get_velocity=lambda: carla.Vector3D(*moves, 0.0),
+        )
+
+    def wait_and_go(self, rules: PedestrianRules) -> None:
+        for self.comes in (True, False):
+            rules.before_step()
+
+
+def test_who_has_arrived_is_not_sent_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pedestrian_rules, "crosswalks", lambda *_: [crosswalk()])
+    street: Any = _Street()
+    rules = PedestrianRules(street, [street.walker()], 0.1)
+    street.wait_and_go(rules)
+    assert street.speeds == [0.0, SPEED_M_S]
+    assert street.sent == [street.target]
+    street.place = (0.0, 5.9)
+    rules.before_step()
+    street.place, street.moves = (0.0, 4.5), (0.0, -1.4)
+    street.wait_and_go(rules)
+    assert street.speeds == [0.0, SPEED_M_S] * 2
+    assert street.sent == [street.target]

@@ -12,7 +12,7 @@ from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tu
 
 import carla
 
-from carstage.collector.actors import DROP_M
+from carstage.collector.actors import DROP_M, Walker
 from carstage.collector.scenario import Population
 from carstage.collector.world import WorldSession
 from carstage.spec import EpisodeSpec
@@ -132,18 +132,25 @@ def place_carriers(session: WorldSession, spec: EpisodeSpec, population: Populat
     return carriers
 
 
-def send_to_ego(session: WorldSession, population: Population, carriers: Carriers) -> None:
-    """Have people with patches walk towards where the ego is; they have been set going before."""
+def send_to_ego(session: WorldSession, population: Population, carriers: Carriers) -> List[Walker]:
+    """Have people with patches walk towards where the ego is; they have been set going before.
+
+    Returns:
+        All walkers, with where they go to now.
+    """
     ids, start = {actor.id for actor in carriers.values()}, _lane(session, population)
     at, (x, y) = start.transform.location, to_side(start.transform, "right")
+    walkers = []
     for walker in population.walkers:
-        if walker.actor.id not in ids:
-            continue
-        here = walker.actor.get_location()
-        is_right = (here.x - at.x) * x + (here.y - at.y) * y > 0.0
-        _, sidewalk = beyond_road(session, start, "right" if is_right else "left")
-        if sidewalk is not None:
-            walker.controller.go_to_location(sidewalk.transform.location)
+        if walker.actor.id in ids:
+            here = walker.actor.get_location()
+            is_right = (here.x - at.x) * x + (here.y - at.y) * y > 0.0
+            _, sidewalk = beyond_road(session, start, "right" if is_right else "left")
+            if sidewalk is not None:
+                walker = walker._replace(target=sidewalk.transform.location)
+                walker.controller.go_to_location(walker.target)
+        walkers.append(walker)
+    return walkers
 
 
 def _lane(session: WorldSession, population: Population) -> Any:

@@ -8,11 +8,13 @@ from typing import Any
 import carla
 import pytest
 
+from carstage.collector.actors import Walker
 from carstage.collector.patch_carriers import (
     beyond_road,
     large_vehicles,
     place_carriers,
     places_ahead,
+    send_to_ego,
     to_side,
 )
 from carstage.collector.patches import BESIDE_M, RECESS_M, _foremost
@@ -133,6 +135,21 @@ def test_a_person_is_put_on_the_sidewalk_and_looks_at_the_ego(town: Any) -> None
     assert lane.lane_type == carla.LaneType.Sidewalk
     back, forward = (one.get_forward_vector() for one in (person.transform, start.transform))
     assert back.x * forward.x + back.y * forward.y < -0.9
+
+
+def test_a_person_with_a_patch_has_the_ego_as_its_target(town: Any) -> None:
+    person, other = Actor(2, far(), PERSON_SIZE), Actor(3, far(), PERSON_SIZE)
+    sent: list[Any] = []
+    controller = SimpleNamespace(go_to_location=sent.append)
+    elsewhere = carla.Location(500.0, 500.0, 0.0)
+    session, population, start = scene(town, [], [])
+    population.walkers.extend(Walker(one, controller, 1.4, elsewhere) for one in (person, other))
+    patches: Any = SimpleNamespace(patches=[patch(PERSON, 12.0)])
+    carriers = place_carriers(session, patches, population)
+    carrying, walking = send_to_ego(session, population, carriers)
+    assert [carrying.target] == sent
+    assert carrying.target.distance(start.transform.location) < 15.0
+    assert walking.target is elsewhere
 
 
 def test_everybody_carries_one_patch_and_who_finds_none_stays(town: Any) -> None:

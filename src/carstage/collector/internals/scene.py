@@ -198,7 +198,7 @@ def build_scene(
     if carriers:
         clock.step()  # people begin to walk where the newest frame has them
     scenario.start(population)
-    send_to_ego(session, population, carriers)
+    walkers = send_to_ego(session, population, carriers)
     parties = [
         _party(session, spec, server, drivers, name, number, actor)
         for number, (name, actor) in enumerate(
@@ -211,7 +211,7 @@ def build_scene(
             flight = DroneFlight(session, agent.drone, carrier, population.ego, spec.step_s)
             parties[number] = parties[number]._replace(flight=flight)
     event_runner = EventRunner(session, spec, population, server.traffic_manager_port)
-    rules = PedestrianRules(session, population.walkers, spec.step_s)
+    rules = PedestrianRules(session, walkers, spec.step_s)
     patches = place_patches(session, spec, population, carriers)
     return Scene(
         session, clock, scenario, parties, population, spec.step_s, event_runner, rules, patches

@@ -100,6 +100,7 @@ from carstage.validation.checks.tracks import check_tracks
 from carstage.validation.checks.variants import VariantFigures
 
 SKY = next(number for number, tag in TAGS_0_9_14.items() if tag.name == "Sky")
+_SAME_STEP = 0.01
 
 Rows = Mapping[tuple[int, str], list[dict[str, Any]]]
 Data = Mapping[str, NDArray[Any]]
@@ -185,6 +186,7 @@ class EpisodeChecks:
         self._pictures: dict[str, PictureFigures] = defaultdict(PictureFigures)
         self._carriers: dict[str, int | None] = {}
         self._poses: Mapping[str, Mapping[int, NDArray[np.float64]]] = {}
+        self._times_s: Mapping[int, float] = {}
 
     def run(self, advance: Callable[[], None]) -> None:
         """Run them; ``advance`` is called after each frame.
@@ -215,7 +217,8 @@ class EpisodeChecks:
         self._paints = paints_of(episode.document["actors"])
         weathers = zip(entries(tables.ego, "k"), entries(tables.ego, "weather"), strict=True)
         self._clear = frozenset(k for k, text in weathers if is_clear_day(json.loads(text)))
-        check_labels(episode, tables, saved_times_s(ledger), findings)
+        times_s = self._times_s = saved_times_s(ledger)
+        check_labels(episode, tables, times_s, findings)
         check_ego_columns(episode, tables, findings)
         check_object_columns(episode, tables, findings)
         check_camera_columns(episode, tables, findings)
@@ -392,12 +395,13 @@ class EpisodeChecks:
     def _check_sweep(self, lidar: Sensor, k: int, points: NDArray[Any]) -> None:
         if lidar.kind != SWEEPING:
             return
-        spec = self._episode.spec
         poses = self._poses.get(lidar.id, {})
-        every_tick = spec.save_every == 1 and "sensor_tick" not in lidar.calibration.attributes
         motion = None
-        if every_tick and {k - 1, k} <= set(poses):
-            motion = SweepMotion.between(poses[k - 1], poses[k], 1.0 / spec.fps)
+        if "sensor_tick" not in lidar.calibration.attributes and {k - 1, k} <= set(poses):
+            step_s, times_s = self._episode.spec.step_s, self._times_s
+            since_s = times_s.get(k, np.inf) - times_s.get(k - 1, 0.0)
+            if abs(since_s - step_s) < _SAME_STEP * step_s:  # else ticks between are not saved
+                motion = SweepMotion.between(poses[k - 1], poses[k], step_s)
         check_sweep(points, lidar.calibration, motion, k, self._findings)
 
     def _twin(self, sensor: Sensor, content: str, data: Data) -> Sensor | None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import threading
+import time
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from carstage.collector.internals import followed_episode
 from carstage.collector.internals.followed_episode import FrameQueue
 
 EGO = 7
@@ -53,6 +55,24 @@ def test_frames_of_a_fast_world_come_in_their_order_and_wake_nobody_each(
     taken = [frames.take(1.0) for _ in range(100)]
     assert [seen.snapshot.frame for seen in taken if seen is not None] == list(range(100))
     assert frames.take(0.01) is None
+
+
+def test_who_took_a_batch_waits_for_the_next_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = [100.0]
+    clock = SimpleNamespace(perf_counter=lambda: now_s[0])
+    monkeypatch.setattr(followed_episode, "time", clock)
+    frames = FrameQueue(World(), Observer(), EGO)  # type: ignore[arg-type]
+    frames.on_tick(snapshot(1))
+    assert frames.take(0.0) is not None
+    frames.on_tick(snapshot(2))  # comes while weather and lights are asked for
+    begun_s = time.monotonic()
+    assert frames.take(0.05) is not None
+    assert time.monotonic() - begun_s >= 0.05
+    now_s[0] += 1.0
+    frames.on_tick(snapshot(3))
+    begun_s = time.monotonic()
+    assert frames.take(60.0) is not None
+    assert time.monotonic() - begun_s < 60.0
 
 
 def test_a_frame_that_told_nobody_is_found_when_the_wait_is_over() -> None:

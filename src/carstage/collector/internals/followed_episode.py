@@ -92,6 +92,7 @@ class FrameQueue:
         self._changed = threading.Condition()
         self._last_s = time.perf_counter()
         self._told_s = 0.0
+        self._is_batch = False
 
     def on_tick(self, snapshot: Any) -> None:
         """For ``World.on_tick``: no later frame is known to the client until this returns."""
@@ -111,6 +112,7 @@ class FrameQueue:
             self._frames.append(_Seen(snapshot, states, tick_s))
             if now_s - self._told_s >= BATCH_S:
                 self._told_s = now_s
+                self._is_batch = True
                 self._changed.notify_all()
 
     @property
@@ -121,12 +123,14 @@ class FrameQueue:
     def take(self, timeout_s: float) -> Optional[_Seen]:
         """The next frame, after waiting at most so long for one; None when there is none.
 
-        Who waits is woken every :data:`BATCH_S` at most, and finds all frames since.
+        A batch of frames is there every :data:`BATCH_S` at most; those of an unfinished one come
+        when the wait is over.
         """
         with self._changed:
-            if not self._changed.wait_for(lambda: bool(self._frames), timeout_s):
-                return None
-            return self._frames.popleft()
+            self._changed.wait_for(lambda: self._is_batch, timeout_s)
+            seen = self._frames.popleft() if self._frames else None
+            self._is_batch = bool(self._frames)
+            return seen
 
 
 class _Attached:

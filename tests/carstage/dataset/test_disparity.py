@@ -182,6 +182,18 @@ def test_export_takes_the_labels_where_depth_is_hidden(stereo: Path, tmp_path: P
     assert 0 < hidden.sum() < 0.3 * (whole > 0).sum()
 
 
+@pytest.mark.parametrize("camera", ["CAM_FRONT", "CAM_RIGHT"])
+def test_export_leaves_out_a_frame_whose_depth_was_missing(
+    stereo: Path, tmp_path: Path, camera: str
+) -> None:
+    path = attempt_of(stereo) / f"disparity/{camera}/000000.png"
+    Image.fromarray(np.zeros((HEIGHT, WIDTH), np.uint16)).save(path)
+    recommit(stereo)
+    out = tmp_path / "kitti"
+    export_dataset("kitti-stereo", stereo, out, workers=0)
+    assert [one.name for one in (out / "training/image_2").iterdir()] == ["000001_10.png"]
+
+
 def test_export_takes_the_pair_that_has_disparity(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

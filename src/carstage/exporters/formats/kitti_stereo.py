@@ -131,15 +131,20 @@ class StereoWriter:
     part: str
 
     def __call__(self, frame: Frame, folder: Path) -> StereoPart | None:
-        """Write the frame; ``None`` where one of the four pictures is missing."""
+        """Write the frame; ``None`` where one of the four pictures is missing.
+
+        Disparity that a camera has nowhere in a picture is that of a missing depth picture.
+        """
         left, right = self.pair.left, self.pair.right
         depths = () if self.pair.labelled else (left.depth or "", right.depth or "")
         if not all(frame.has(name) for name in (left.id, right.id, *depths)):
             return None
+        steps, depth_m, right_depth_m = self._measured(frame)
+        if not all(np.isfinite(one).any() for one in (depth_m, right_depth_m)):
+            return None
         name, part = f"{self.first_number + frame.k:06d}", folder / self.part
         for camera, place in ((left, "image_2"), (right, "image_3")):
             copy_as_png(frame, camera.id, part / place / f"{name}_10.png")
-        steps, depth_m, right_depth_m = self._measured(frame)
         both = np.where(seen_by_both(steps, depth_m, right_depth_m), steps, 0).astype(np.uint16)
         packer = PngPacker()
         for place, content in (("disp_occ_0", steps), ("disp_noc_0", both)):

@@ -20,7 +20,7 @@ from carstage.errors import BadInputError
 from carstage.exporters.options import ExportOptions
 from carstage.exporters.rigs import main_lidar
 from carstage.sensor_kinds import sensor_kind
-from carstage.sensor_kinds.columns import Point, SweepPoint
+from carstage.sensor_kinds.columns import Point
 from carstage.sensor_kinds.model import POINTS, TAGGED_POINTS
 
 _SCAN: Final = {
@@ -153,7 +153,7 @@ def read_points(frame: Frame, lidar_id: str) -> NDArray[np.float32]:
 def read_rings(frame: Frame, lidar_id: str) -> NDArray[np.float32] | None:
     """``(N,)`` number of the laser of each point; None: the LiDAR does not keep it."""
     names = [column.name for column in sensor_kind(frame.episode.sensor(lidar_id).kind).columns]
-    return frame.read(lidar_id)[:, SweepPoint.RING] if "ring" in names else None
+    return frame.read(lidar_id)[:, names.index("ring")] if "ring" in names else None
 
 
 def read_labelled(frame: Frame, lidar: LabelledLidar) -> LabelledCloud:

@@ -27,7 +27,9 @@ from carstage_sim.world.state import WorldState
 
 TYPE_ID: Final = "sensor.lidar.ray_cast_sweeping"
 _STEP_M: Final = 0.02
-"""How far an actor moves at most between two instants that rays are sent at."""
+"""How far an actor moves between two instants that rays are sent at, unless they were too many."""
+_MOST_INSTANTS: Final = 200
+"""Each costs a hierarchy of all actors: a client sets one at a speed or a turn of its choice."""
 _JUMP_M_S: Final = 150.0
 """What is faster was put elsewhere, and did not move there."""
 _HALF_TURN: Final = 1e-3
@@ -227,7 +229,8 @@ class _Scenes:
         way_m += np.radians(np.sqrt((self._turn_deg**2).sum(axis=1))) * reach_m
         if skip_row >= 0:
             way_m[skip_row] = 0.0
-        return max(1, math.ceil(float(way_m.max(initial=0.0)) / _STEP_M))
+        wanted = math.ceil(float(way_m.max(initial=0.0)) / _STEP_M)
+        return min(max(1, wanted), _MOST_INSTANTS)
 
     def _at(self, part: float) -> Scene:
         """The scene when that part of the sweep was still to come."""

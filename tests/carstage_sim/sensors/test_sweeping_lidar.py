@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from carstage_sim.geometry import rotation_matrix
+from carstage_sim.render.scene import Frame
 from carstage_sim.sensors import SensorAttributeError, WorldSensors
 from sensor_worlds import GROUND, WALL, request, state, town
 
@@ -149,3 +150,14 @@ def test_no_rays_and_impossible_values(sensors):
     bad = request("lidar.ray_cast_sweeping", 9, **(EVEN | {"noise_stddev": -1.0}))
     with pytest.raises(SensorAttributeError):
         sensors.capture(state(9), [bad])
+
+
+def test_who_moves_fast_makes_no_more_than_200_scenes(sensors, monkeypatch):
+    far = -30.0
+    there = [state(k, vehicles=[(5, (far, y, 0.0), 0.0)]) for k, y in ((1, -14.0), (2, 0.0))]
+    stands = [((0.0, 0.0, 1.0), 180.0)] * 2
+    made = []
+    moved = Frame.moved
+    monkeypatch.setattr(Frame, "moved", lambda *some: made.append(1) or moved(*some))
+    sweep(sensors, *stands, world=there)
+    assert 100 < len(made) <= 200

@@ -328,7 +328,7 @@ class Server:
         header = sensor_header(
             self._dialect.sensors.index(type_id), state.frame, state.timestamp_s, captured.pose
         )
-        frame = self._relabelled(type_id, captured.frame)
+        frame = self._relabelled(sensor.type_id, captured.frame)
 
         def described(actor_id: int, label: int) -> list[Any]:
             """An actor, or with id 0 a part of the town, as this server's clients want it."""

@@ -279,6 +279,7 @@ def test_every_example_configuration_is_tested() -> None:
         "patches.yaml",
         "scenic.yaml",
         "sweep_lidar.yaml",
+        "sweeping_lidar.yaml",
         "v2x.yaml",
         "variants.yaml",
     ]

@@ -38,6 +38,7 @@ _TAGGED: Mapping[str, _Relabel] = {
     "sensor.camera.semantic_segmentation": _image,
     "sensor.camera.instance_segmentation": _image,
     "sensor.lidar.ray_cast_semantic": _points,
+    "sensor.other.occupancy": _points,
 }
 
 
@@ -60,7 +61,10 @@ class Relabelling:
         self._table = label_table(labels) if labels else None
 
     def __call__(self, type_id: str, frame: SensorFrame) -> SensorFrame:
-        """The frame with the dialect's labels; itself where there is nothing to translate."""
+        """The frame with the dialect's labels; itself where there is nothing to translate.
+
+        ``type_id`` is the sensor's own: what is sent in another's messages may have no labels.
+        """
         relabel = _TAGGED.get(type_id)
         if self._table is None or relabel is None:
             return frame

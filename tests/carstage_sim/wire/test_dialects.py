@@ -129,6 +129,7 @@ def test_tags_of_semantic_points_are_translated_and_the_rest_kept() -> None:
 def test_pictures_without_tags_leave_as_they_are() -> None:
     frame = ImageFrame(90.0, np.full((2, 2, 4), 14, np.uint8))
     assert Relabelling(LABELS_0_9_13)("sensor.camera.rgb", frame) is frame
+    assert Relabelling(LABELS_0_9_13)("sensor.lidar.ray_cast_sweeping", frame) is frame
     assert Relabelling({})("sensor.camera.semantic_segmentation", frame) is frame
 
 

@@ -90,7 +90,7 @@ def test_a_demo_on_a_busy_machine_has_the_files_of_a_calm_one() -> None:
 
 
 def test_flash_lidars_measure_what_rays_along_their_beams_meet() -> None:
-    verdict = measure_flash_lidar(["Stage01"], 0.4)
+    verdict = measure_flash_lidar(["Stage01"], 1.0)
     assert verdict.ok, verdict.text()
     assert figures(verdict)["range_error_to_rays_m_p99"] < 0.005
 

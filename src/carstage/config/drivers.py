@@ -7,8 +7,9 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Discriminator, Strict, field_validator
 
 from carstage.config.fields import Names, Section, problem, setting, shortened, unknown
+from carstage.config.own_classes import Parameters, checked_class_name, parameters
 from carstage.config.timing import Timing
-from carstage.spec.drivers import MOST_PARAMETERS, is_class_name
+from carstage.spec.drivers import is_class_name
 
 DRIVER_KINDS = ("autopilot", "route", "class", "keyboard", "gamepad", "wheel", "replay")
 DRIVEN_SCENARIOS = ("autopilot", "route", "openscenario")
@@ -67,32 +68,13 @@ class ClassDriver(Section):
         "packages; relative to the working directory.",
         group="ego",
     )
-    parameters: dict[str, bool | int | float | str] = setting(
-        dict,
-        title="Parameters",
-        description="Keyword arguments of the class: words, numbers, `true` or `false`.",
-        group="ego",
-        max_length=MOST_PARAMETERS,
-    )
+    parameters: Parameters = parameters("ego")
 
     @field_validator("name")
     @classmethod
     def _check_name(cls, name: str) -> str:
-        if not is_class_name(name):
-            raise problem(
-                f"{shortened(repr(name))} is not module:Class.",
-                "Write, for example, `my_driver:Slalom` for class Slalom of my_driver.py.",
-            )
-        return name
-
-    @field_validator("parameters")
-    @classmethod
-    def _check_parameters(cls, parameters: dict[str, Any]) -> dict[str, Any]:
-        for name in parameters:
-            if not name.isidentifier():
-                hint = "Use letters, digits and '_'."
-                raise problem("this cannot be an argument's name.", hint, name)
-        return parameters
+        hint = "Write, for example, `my_driver:Slalom` for class Slalom of my_driver.py."
+        return checked_class_name(name, hint)
 
 
 class _Device(Section):

@@ -6,9 +6,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, field_validator
 
-from carstage.config.fields import Names, Section, problem, setting, shortened
+from carstage.config.fields import Names, Section, setting
+from carstage.config.own_classes import Parameters, checked_class_name, parameters
 from carstage.config.supervision import restart_every as _restart_every
-from carstage.spec.drivers import MOST_PARAMETERS, is_class_name
 
 Port = Literal["auto"] | Annotated[int, Field(ge=1024, le=65_000)]
 
@@ -155,25 +155,14 @@ class ClassServerConfig(Section):
         "packages; relative to the working directory.",
         group="server",
     )
-    parameters: dict[str, bool | int | float | str] = setting(
-        dict,
-        title="Parameters",
-        description="Keyword arguments of the class: words, numbers, `true` or `false`.",
-        group="server",
-        max_length=MOST_PARAMETERS,
-    )
+    parameters: Parameters = parameters("server")
     restart_every: int = _restart_every()
 
     @field_validator("name")
     @classmethod
     def _check_name(cls, name: str) -> str:
-        if not is_class_name(name):
-            raise problem(
-                f"{shortened(repr(name))} is not module:Class.",
-                "Write, for example, `my_simulator:MyServer` for class MyServer of "
-                "my_simulator.py.",
-            )
-        return name
+        hint = "Write, for example, `my_simulator:MyServer` for class MyServer of my_simulator.py."
+        return checked_class_name(name, hint)
 
 
 ServerConfig = Annotated[

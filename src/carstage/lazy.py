@@ -10,18 +10,19 @@ from typing import Any
 
 
 def lazy_names(package: str, modules: Mapping[str, str]) -> Callable[[str], Any]:
-    """A module's ``__getattr__`` that finds public names in the package's own modules.
+    """A module's ``__getattr__`` that finds public names in the modules that have them.
 
     Args:
         package: name of the package.
-        modules: by module of the package, the names that it has, separated by spaces.
+        modules: by module of the package, the names that it has, separated by spaces. A name that
+            begins with a dot is that of a package beside it.
     """
     places = {name: module for module, names in modules.items() for name in names.split()}
 
     def find(name: str) -> Any:
         if name not in places:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        return getattr(import_module(f"{package}.{places[name]}"), name)
+        return getattr(import_module(f".{places[name]}", package), name)
 
     return find
 

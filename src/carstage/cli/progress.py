@@ -1,43 +1,24 @@
-"""What a run looks like while it goes on: bars on a terminal, plain lines elsewhere."""
+"""What a run looks like while it goes on: bars on a terminal, plain lines elsewhere.
+
+The bars are imported where there is a terminal: most of what that takes is for them.
+"""
 
 from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from datetime import timedelta
 
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    ProgressColumn,
-    Task,
-    TextColumn,
-    TimeRemainingColumn,
-)
-from rich.text import Text
-
 from carstage.cli.output import note
-from carstage.runs import CurrentEpisode, events, size_text
+from carstage.runs import events, size_text
 
 _PLAIN_EVERY_S = 5.0
 _STEPS_EVERY_S = 15.0
 
 
-class _Rate(ProgressColumn):
-    """Completed per second."""
-
-    def render(self, task: Task) -> Text:
-        """The column's text."""
-        speed = task.finished_speed or task.speed
-        unit = task.fields.get("unit", "")
-        return Text(f"{speed:5.1f} {unit}/s" if speed and unit else "", style="dim")
-
-
-def _sentences(event: events.RunEvent) -> Iterator[str]:
+def sentences_of(event: events.RunEvent) -> Iterator[str]:
     """What the user should read of an event."""
     match event:
         case events.Notice(sentence):
@@ -68,67 +49,6 @@ def _sentences(event: events.RunEvent) -> Iterator[str]:
             yield f"Episode {episode_id} failed."
 
 
-class BarProgress:
-    """Bars of episodes, recorded steps and converted frames, with rate and time left."""
-
-    def __init__(self, console: Console) -> None:
-        self._console = console
-        self._progress = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(bar_width=None),
-            MofNCompleteColumn(),
-            _Rate(),
-            TimeRemainingColumn(),
-            console=console,
-            expand=True,
-        )
-        self._episodes = self._progress.add_task("Episodes", total=None)
-        self._steps = self._progress.add_task("Recording", total=None, unit="steps")
-        self._frames = self._progress.add_task("Conversion", total=None, unit="frames")
-        self._shown: str | None = None
-
-    def __enter__(self) -> BarProgress:
-        self._progress.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._progress.stop()
-
-    def __call__(self, event: events.RunEvent) -> None:
-        """Show an event of the run."""
-        if isinstance(event, events.Progress):
-            self._move(event)
-        for sentence in _sentences(event):
-            self._console.print(sentence, highlight=False, markup=False)
-
-    def _move(self, progress: events.Progress) -> None:
-        counts = progress.episodes
-        done = counts.committed + counts.skipped + counts.failed
-        self._progress.update(self._episodes, total=counts.total, completed=done)
-        current = progress.current
-        if progress.workers:
-            self._move_workers([one.current for one in progress.workers if one.current])
-        if current is None or progress.workers:
-            return
-        if current.attempt + current.episode_id != self._shown:
-            self._shown = current.attempt + current.episode_id
-            for task in (self._steps, self._frames):
-                self._progress.reset(task)
-        steps = current.ticks_total or None  # not known beside a program that ends when it likes
-        self._progress.update(self._steps, total=steps, completed=current.ticks_done)
-        self._progress.update(
-            self._frames, total=current.frames_total, completed=current.frames_converted
-        )
-
-    def _move_workers(self, shown: Sequence[CurrentEpisode]) -> None:
-        """What all workers are at, in sum."""
-        done, total = sum(one.ticks_done for one in shown), sum(one.ticks_total for one in shown)
-        self._progress.update(self._steps, total=total, completed=done)
-        done = sum(one.frames_converted for one in shown)
-        total = sum(one.frames_total for one in shown)
-        self._progress.update(self._frames, total=total, completed=done)
-
-
 class LineProgress:
     """A line now and then, for logs."""
 
@@ -141,7 +61,7 @@ class LineProgress:
 
     def __call__(self, event: events.RunEvent) -> None:
         """Write what an event says; of progress, a line if the last one is some seconds old."""
-        for sentence in _sentences(event):
+        for sentence in sentences_of(event):
             self._write(sentence)
         if not isinstance(event, events.Progress):
             return
@@ -181,6 +101,10 @@ def _line_of_workers(progress: events.Progress) -> str:
 def watch_run() -> AbstractContextManager[events.OnEvent]:
     """Bars when stderr is a terminal, lines when it is not."""
     if sys.stderr.isatty():
+        from rich.console import Console
+
+        from carstage.cli.bars import BarProgress
+
         return BarProgress(Console(stderr=True))
     return nullcontext(LineProgress(note))
 
@@ -188,7 +112,9 @@ def watch_run() -> AbstractContextManager[events.OnEvent]:
 def watch_frames(what: str) -> AbstractContextManager[Callable[[int, int], None]]:
     """A bar for a command that goes through frames; nothing when stderr is no terminal."""
     if sys.stderr.isatty():
-        return _StepBar(what, "frames")
+        from carstage.cli.bars import StepBar
+
+        return StepBar(what, "frames")
     return nullcontext(lambda done, total: None)
 
 
@@ -210,7 +136,9 @@ def watch_phases() -> Iterator[Callable[[str, int, int], None]]:
 def watch_steps(what: str, unit: str) -> AbstractContextManager[Callable[[int, int], None]]:
     """A bar for a long measurement; lines with the time left when stderr is no terminal."""
     if sys.stderr.isatty():
-        return _StepBar(what, unit)
+        from carstage.cli.bars import StepBar
+
+        return StepBar(what, unit)
     return nullcontext(StepLines(what, note))
 
 
@@ -243,28 +171,6 @@ class StepLines:
             left_s = (now_s - begin_s) / (done - begin_done) * (total - done)
             left = f", {timedelta(seconds=round(left_s))} left"
         self._write(f"{self._what}: {done} of {total}{left}.")
-
-
-class _StepBar:
-    def __init__(self, what: str, unit: str) -> None:
-        self._progress = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(bar_width=None),
-            MofNCompleteColumn(),
-            _Rate(),
-            TimeRemainingColumn(),
-            console=Console(stderr=True),
-            expand=True,
-            transient=True,
-        )
-        self._task = self._progress.add_task(what, total=None, unit=unit)
-
-    def __enter__(self) -> Callable[[int, int], None]:
-        self._progress.start()
-        return lambda done, total: self._progress.update(self._task, total=total, completed=done)
-
-    def __exit__(self, *_: object) -> None:
-        self._progress.stop()
 
 
 def _count(number: int, noun: str) -> str:

@@ -124,6 +124,7 @@ class Section(BaseModel):
         strict=True,
         allow_inf_nan=False,
         use_attribute_docstrings=False,
+        defer_build=True,
     )
     #: keys of other spellings, accepted by the model's own validators.
     other_keys: ClassVar[frozenset[str]] = frozenset()

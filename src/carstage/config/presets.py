@@ -16,14 +16,16 @@ from math import atan, degrees
 from typing import Any, Literal
 
 import yaml
-from pydantic import TypeAdapter
+from pydantic import ConfigDict, TypeAdapter
 
 from carstage.config.sensors import AnySensor, Sensor
 
 RigPreset = Literal["demo", "kitti", "nuscenes", "waymo", "paper", "drone", "junction"]
 
 _HALF_WHEELBASE_M = 1.4
-_SENSORS: TypeAdapter[tuple[Sensor, ...]] = TypeAdapter(tuple[AnySensor, ...])
+_SENSORS: TypeAdapter[tuple[Sensor, ...]] = TypeAdapter(
+    tuple[AnySensor, ...], config=ConfigDict(defer_build=True)
+)
 
 
 @dataclass(frozen=True)

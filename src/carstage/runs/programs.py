@@ -17,7 +17,6 @@ from carstage.config.scene import OpenScenarioScenario, ScenicScenario
 from carstage.errors import ConfigError
 from carstage.files.bounded import read_bounded
 from carstage.files.home import without_tilde
-from carstage.open_scenario import read_storyboard, town_of
 from carstage.plan import ScenarioProgram, Storyboard
 from carstage.server.interpreters import AUTO
 
@@ -51,6 +50,8 @@ def read_program(
         ConfigError: it cannot be read, names no map, or the interpreter lacks what plays it; with
             the path of the setting.
     """
+    from carstage.open_scenario import read_storyboard, town_of  # few runs play such a file
+
     path = (folder or Path()) / without_tilde(scenario.file)
     try:
         content = read_bounded(path, LARGEST_BYTES)

@@ -18,7 +18,7 @@ from carstage.releases import NEWEST, is_newer
 from carstage.runs.interruption import GIVE_BACK_S, Interruption
 from carstage.runs.preflight import check_server
 from carstage.runs.servers import ServerSetup
-from carstage.selftest import Verdict, failed_verdict, judge_log, plan_self_test
+from carstage.selftest import Verdict, failed_verdict, plan_self_test
 from carstage.server import ClientPython, Endpoint
 from carstage.server.asking import ask_server, ask_spawn_points
 from carstage.spec import EpisodeSpec
@@ -58,6 +58,8 @@ def run_self_test(
     Raises:
         KeyboardInterrupt: the user asked to end.
     """
+    from carstage.selftest import judge_log  # loads what makes labels
+
     place = folder / EPISODE_ID
     shutil.rmtree(place, ignore_errors=True)  # of an earlier try
     place.mkdir(parents=True)

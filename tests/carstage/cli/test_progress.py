@@ -7,7 +7,8 @@ from dataclasses import replace
 
 from rich.console import Console
 
-from carstage.cli.progress import BarProgress, LineProgress, StepLines
+from carstage.cli.bars import BarProgress
+from carstage.cli.progress import LineProgress, StepLines
 from carstage.plan import RunEstimate
 from carstage.runs import CurrentEpisode, EpisodeCounts, events
 from carstage.runs.folder import WorkerStatus

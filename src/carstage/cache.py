@@ -40,18 +40,18 @@ def cache_folder() -> Path:
     return folder
 
 
-def keep_in_cache(path: Path, text: str) -> None:
+def keep_in_cache(path: Path, content: str | bytes) -> None:
     """Write a file of a cache, which others may write, too; one that cannot be written is no fault.
 
     Args:
         path: its name; it is never seen half written.
-        text: all of it.
+        content: all of it; text becomes UTF-8.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, partial = tempfile.mkstemp(dir=path.parent, prefix=path.name)
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
+        with os.fdopen(handle, "wb") as file:
+            file.write(content.encode("utf-8") if isinstance(content, str) else content)
         Path(partial).replace(path)
     except OSError:
         return

@@ -6,52 +6,23 @@ import json
 import math
 import shutil
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, wait
 from contextlib import suppress
 from dataclasses import asdict, dataclass
-from itertools import chain
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-import pyarrow as pa
-
-from carstage.annotation.controls import control_rows
-from carstage.annotation.events import event_rows
-from carstage.annotation.schema import (
-    CONTROL_COLUMNS,
-    CONTROLS,
-    EVENT_COLUMNS,
-    EVENTS,
-    frame_tables,
-)
-from carstage.codecs import codec_for
-from carstage.conversion.documents import (
-    calibration_document,
-    episode_document,
-    ledger_table,
-    to_json,
-)
-from carstage.conversion.segment import (
-    EncodedSegment,
-    encode_segment,
-    label_schema,
-    label_segment,
-    parts_folder,
-    place_voxels,
-    read_label_part,
-    rows_to_table,
-)
-from carstage.conversion.sensors import SensorPlan, plan_sensors
-from carstage.conversion.town import Town, make_vector_map
-from carstage.dataset.tables import row_sensor, write_table
+from carstage.conversion import work
+from carstage.conversion.encoded import EncodedSegment, parts_folder
+from carstage.conversion.sensors import ROWS_CODEC, SensorPlan, plan_sensors
+from carstage.conversion.town import Town
 from carstage.errors import ConversionError, ConverterDiedError
 from carstage.files.hashing import hash_of
-from carstage.lazy import keep_pandas_lazy
 from carstage.rawlog.format import LEDGER, WORLD
-from carstage.rawlog.reader import ActorInfo, EpisodeLog, WorldFrame
-from carstage.storage.attempt_files import AttemptFiles, write_document
+from carstage.rawlog.reader import EpisodeLog
+from carstage.storage.attempt_files import AttemptFiles
 from carstage.storage.marker import FileEntry
 
 _LOOK_S = 0.2
@@ -115,7 +86,6 @@ class EpisodeConversion:
         left_s: Callable[[], float] = lambda: math.inf,
         agent: str | None = None,
     ) -> None:
-        keep_pandas_lazy()
         self._agent = agent
         self.raw_folder = Path(raw_folder)
         self.attempt_files = attempt_files
@@ -131,6 +101,7 @@ class EpisodeConversion:
         self._tasks: dict[tuple[int, str], Future[Any]] = {}
         self._sealed: set[tuple[str, int]] = set()
         self._unread: set[tuple[str, int]] = set()
+        self._rest: Future[Town] | None = None
         self._finished = False
 
     @property
@@ -251,8 +222,30 @@ class EpisodeConversion:
                 self._load().remove_segment(stream, segment)
                 self._unread.remove((stream, segment))
 
+    def is_written(self) -> bool:
+        """Whether nothing is left to do but to :meth:`finish`, once all frames are converted.
+
+        Cheap to ask often; hands out what is left of the work, as far as it is possible now.
+
+        Raises:
+            ConversionError: the recording is not whole, or of another map than was asked for.
+            RawLogError: it is damaged.
+        """
+        with self._lock:
+            log = self._load()
+            if self._lacking(log) is not None:
+                self.scan()
+            if self._lacking(log) is not None:
+                return True  # `finish` tells it, and what has failed
+            tasks = [*self._tasks.values(), *self._place_voxels(log)]
+            if not all(task.done() for task in tasks):
+                return False
+            if self._rest is None and all(map(_is_well_done, tasks)):
+                self._write_rest()
+            return self._rest is None or self._rest.done()
+
     def finish(self) -> Converted:
-        """Wait for all work and write what belongs to the whole episode.
+        """Wait for all work, that on what belongs to the whole episode included.
 
         Raises:
             ConversionError: the recording is incomplete, or work on it failed.
@@ -271,50 +264,30 @@ class EpisodeConversion:
             )
         self._require_all_segments(log)
         try:
-            for task in chain(tasks, self._place_voxels(log)):
+            for task in tasks:
                 _raise_error_of(task)
+            with self._lock:
+                voxels = self._place_voxels(log)
+            for task in voxels:
+                _raise_error_of(task)
+            with self._lock:
+                rest = self._rest or self._write_rest()
+            _raise_error_of(rest)
         except BaseException:
             self._drop_tasks()
             raise
-        frames = sum(entry["k"] is not None for entry in ledger)
-        self._write_row_sensors(self._segments(log))
-        self._merge_labels(log)
-        actors = log.actors()
-        ego = actors.get(int(log.header["ego_id"]))
-        if ego is None:
-            raise ConversionError(
-                f"Episode {log.header['episode_id']}: the world log never names the ego vehicle.",
-                "Record the episode again.",
-            )
-        self._write_events(log, actors)
-        self._write_controls(log)
         opendrive = log.opendrive()
-        named = None if opendrive is None else hash_of(opendrive)
-        if log.spec.opendrive not in (None, named):
-            raise ConversionError(
-                f"Episode {log.header['episode_id']}: the server's map {log.spec.map} is not the "
-                "configuration's file.",
-                "Did the file change during the run, or does another machine have another one?",
-            )
-        town = self._town(log, named)
-        drawn = _vector_map_entries(town)
-        documents = {
-            "episode.json": episode_document(log.header, self._plan, frames, actors, named, drawn),
-            "calibration.json": calibration_document(log.spec, self._plan, ego),
-        }
-        for name, document in documents.items():
-            write_document(self.attempt_files, name, to_json(document))
-        self._write_table(ledger_table(log.header, log.spec, self._plan, ledger), "frames.parquet")
-        self._remove_strays()
+        town = rest.result()
+        _remember(self._town_key(log, opendrive), town)
         self._finished = True
-        segments = self._segments(log)
         files = tuple(
             file
             for task in (*(sensor.id for sensor in self._plan.written), _LABELS, _VOXELS)
-            for segment in segments
+            for segment in log.segments
             if (segment, task) in self._tasks
             for file in self._tasks[segment, task].result().files
         )
+        frames = sum(entry["k"] is not None for entry in ledger)
         return Converted(frames, files, opendrive, town.content)
 
     def remove_parts(self) -> None:
@@ -325,7 +298,7 @@ class EpisodeConversion:
     def stop(self) -> None:
         """Hand out no more work, and drop what is not begun."""
         with self._lock:
-            for task in self._tasks.values():
+            for task in self._all_tasks():
                 task.cancel()
 
     def cancel(self) -> None:
@@ -356,11 +329,11 @@ class EpisodeConversion:
         for sensor in self._plan.written:
             if self._is_ready(segment, sensor.id, {*sensor.streams, LEDGER}):
                 self._tasks[segment, sensor.id] = self._submit(
-                    encode_segment, *self._arguments, sensor, segment, self._agent
+                    work.encode_segment, *self._arguments, sensor, segment, self._agent
                 )
         if self._is_ready(segment, _LABELS, self._plan.label_streams):
             self._tasks[segment, _LABELS] = self._submit(
-                label_segment, *self._arguments, segment, self._agent
+                work.label_segment, *self._arguments, segment, self._agent
             )
 
     def _submit(self, work: Callable[..., Any], *arguments: object) -> Future[Any]:
@@ -391,127 +364,90 @@ class EpisodeConversion:
         saved = self._log.spec.saved
         return saved.count(end_tick) - saved.count(first_tick)
 
-    def _segments(self, log: EpisodeLog) -> range:
-        return range(-(-int(log.header["ticks"]) // int(log.header["ticks_per_segment"])))
+    def _lacking(self, log: EpisodeLog) -> tuple[int, str] | None:
+        """A segment and the task of it that could not be handed out; None: there is none."""
+        names = [*(sensor.id for sensor in self._plan.written), _LABELS]
+        keys = ((segment, name) for segment in log.segments for name in names)
+        return next((key for key in keys if key not in self._tasks), None)
 
     def _require_all_segments(self, log: EpisodeLog) -> None:
-        for segment in self._segments(log):
-            for task in [*(sensor.id for sensor in self._plan.written), _LABELS]:
-                if (segment, task) not in self._tasks:
-                    raise ConversionError(
-                        f"Episode {log.header['episode_id']}: segment {segment} was never sealed "
-                        f"in every stream that {task or 'the labels'} needs.",
-                        "Record the episode again.",
-                    )
+        lacking = self._lacking(log)
+        if lacking is not None:
+            segment, task = lacking
+            raise ConversionError(
+                f"Episode {log.header['episode_id']}: segment {segment} was never sealed "
+                f"in every stream that {task or 'the labels'} needs.",
+                "Record the episode again.",
+            )
 
-    def _place_voxels(self, log: EpisodeLog) -> Iterator[Future[Any]]:
-        """Hand out what needs the labels of all segments, which are done once this is asked."""
-        asked = log.spec.labels.occupancy
+    def _place_voxels(self, log: EpisodeLog) -> list[Future[Any]]:
+        """Hand out what needs the labels of all segments, once these are done."""
+        asked, segments = log.spec.labels.occupancy, log.segments
         if asked is None or asked.exact:
-            return
-        segments = self._segments(log)
-        for segment in segments:
-            with self._lock:
+            return []
+        if all(_is_well_done(self._tasks.get((segment, _LABELS))) for segment in segments):
+            for segment in segments:
                 if (segment, _VOXELS) not in self._tasks:
                     self._tasks[segment, _VOXELS] = self._submit(
-                        place_voxels, *self._arguments, segment, len(segments), self._agent
+                        work.place_voxels, *self._arguments, segment, len(segments), self._agent
                     )
-        for segment in segments:
-            yield self._tasks[segment, _VOXELS]
+        return [self._tasks[key] for key in self._tasks if key[1] == _VOXELS]
+
+    def _write_rest(self) -> Future[Town]:
+        """Hand out the work on what belongs to the whole episode."""
+        log = self._load()
+        opendrive = log.opendrive()
+        named = None if opendrive is None else hash_of(opendrive)
+        if log.spec.opendrive not in (None, named):
+            raise ConversionError(
+                f"Episode {log.header['episode_id']}: the server's map {log.spec.map} is not the "
+                "configuration's file.",
+                "Did the file change during the run, or does another machine have another one?",
+            )
+        rows = {
+            sensor.id: [r for i in log.segments for r in self._tasks[i, sensor.id].result().rows]
+            for sensor in self._plan.written
+            if sensor.codec == ROWS_CODEC
+        }
+        town = _known(self._town_key(log, opendrive))
+        known = (dict(self._codecs), rows, named, town, self._agent)
+        self._rest = self._submit(work.write_episode, *self._arguments, *known)
+        return self._rest
+
+    def _town_key(self, log: EpisodeLog, opendrive: bytes | None) -> tuple[str, str] | None:
+        """Names the town whose vector map is wanted; None: none is."""
+        if opendrive is None or not log.spec.labels.vector_map:
+            return None
+        return hash_of(opendrive), json.dumps(log.header["geo_reference"], sort_keys=True)
+
+    def _all_tasks(self) -> list[Future[Any]]:
+        return [*self._tasks.values(), *([] if self._rest is None else [self._rest])]
 
     def _drop_tasks(self) -> None:
         with self._lock:
-            tasks = list(self._tasks.values())
+            tasks = self._all_tasks()
         # A pool that has ended tells nobody of what was cancelled: to wait for that has no end.
         running = {task for task in tasks if not task.cancel()}
         while running and self._left_s() > 0:
             running = wait(running, _LOOK_S).not_done
-
-    def _write_table(self, table: pa.Table, name: str) -> None:
-        with self.attempt_files.whole(name) as path:
-            write_table(table, path)
-
-    def _write_row_sensors(self, segments: range) -> None:
-        for sensor in self._plan.written:
-            if row_kind := row_sensor(sensor.kind):
-                rows = [r for i in segments for r in self._tasks[i, sensor.id].result().rows]
-                table = pa.Table.from_pylist(rows, schema=row_kind.schema)
-                self._write_table(table, f"sensors/{sensor.id}.parquet")
-
-    def _merge_labels(self, log: EpisodeLog) -> None:
-        segments = self._segments(log)
-        spec = log.spec
-        asked = frame_tables(lane_lines=spec.labels.lane_lines, patches=bool(spec.patches))
-        for name, columns in asked.items():
-            schema = label_schema(columns)
-            folder = parts_folder(self.raw_folder, self._agent)
-            parts = [read_label_part(folder, name, segment) for segment in segments]
-            if not all(part.schema.equals(schema) for part in parts):
-                raise ConversionError(
-                    f"Label parts of {name} are of another version of Car-STAGE.", "Try again."
-                )
-            self._write_table(pa.concat_tables(parts), name)
-
-    def _write_events(self, log: EpisodeLog, actors: Mapping[int, ActorInfo]) -> None:
-        """Write the table of events, where any are planned."""
-        if not log.spec.scenario.planned_events():
-            return
-        rows = event_rows(log.spec, self._ticks(log), actors, int(log.header["ego_id"]))
-        self._write_table(rows_to_table(rows, EVENT_COLUMNS, EVENTS), EVENTS)
-
-    def _write_controls(self, log: EpisodeLog) -> None:
-        """Write the table of the driver's commands, where the ego has a driver of its own."""
-        if log.spec.ego.driver is not None:
-            rows = control_rows(log.spec, self._ticks(log))
-            self._write_table(rows_to_table(rows, CONTROL_COLUMNS, CONTROLS), CONTROLS)
-
-    def _ticks(self, log: EpisodeLog) -> Iterator[WorldFrame]:
-        """The world in every tick, saved or not."""
-        return (world for index in self._segments(log) for world in log.world_frames(index))
-
-    def _town(self, log: EpisodeLog, opendrive: str | None) -> Town:
-        """The town's vector map, made anew only where the episodes before were of another town."""
-        if opendrive is None or not log.spec.labels.vector_map:
-            return Town()
-        key = opendrive, json.dumps(log.header["geo_reference"], sort_keys=True)
-        town = _towns.get(key)
-        if town is None:
-            task = self._submit(make_vector_map, self.raw_folder)
-            _raise_error_of(task)
-            town = task.result()
-            with _towns_lock:
-                while len(_towns) >= _MOST_TOWNS:
-                    del _towns[next(iter(_towns))]
-                _towns[key] = town
-        return town
-
-    def _remove_strays(self) -> None:
-        """Remove what an earlier, broken-off conversion into this folder left behind."""
-        endings: dict[str, tuple[str, ...]] = {
-            sensor.id: codec_for(sensor.kind, sensor.codec)[1].suffixes
-            for sensor in self._plan.written
-            if row_sensor(sensor.kind) is None
-        }
-        strays = []
-        for name in self.attempt_files.names():
-            folder, _, file = name.rpartition("/")
-            top, _, sensor_id = folder.partition("/")
-            if top != "sensors" or not sensor_id:
-                continue
-            suffix = file[file.index(".") :] if file[0] != "." else ""
-            if suffix not in endings.get(sensor_id, ()):
-                strays.append(name)
-        self.attempt_files.remove(strays)
 
 
 def _is_well_done(task: Future[Any] | None) -> bool:
     return task is not None and task.done() and not task.cancelled() and task.exception() is None
 
 
-def _vector_map_entries(town: Town) -> dict[str, str | None]:
-    """What ``episode.json`` says of the town's vector map."""
-    entries = {"vector_map": None if town.content is None else hash_of(town.content)}
-    return entries if town.problem is None else {**entries, "vector_map_problem": town.problem}
+def _known(town: tuple[str, str] | None) -> Town | None:
+    """What was made of a town before, if it was one of the last."""
+    with _towns_lock:
+        return None if town is None else _towns.get(town)
+
+
+def _remember(key: tuple[str, str] | None, town: Town) -> None:
+    with _towns_lock:
+        if key is not None and key not in _towns:
+            while len(_towns) >= _MOST_TOWNS:
+                del _towns[next(iter(_towns))]
+            _towns[key] = town
 
 
 def _raise_error_of(task: Future[Any]) -> None:

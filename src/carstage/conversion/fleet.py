@@ -108,8 +108,12 @@ class FleetConversion:
         for part in self._parts.values():
             part.remove_converted()
 
+    def is_written(self) -> bool:
+        """Whether nothing is left to do but to :meth:`finish`; one part's work after another's."""
+        return all(part.is_written() for part in self._parts.values())
+
     def finish(self) -> Converted:
-        """Wait for all work and write what belongs to the whole episode."""
+        """Wait for all work, that on what belongs to the whole episode included."""
         done = [part.finish() for part in self._parts.values()]
         files = tuple(file for one in done for file in one.files)
         return Converted(done[0].frames, files, done[0].opendrive, done[0].vector_map)

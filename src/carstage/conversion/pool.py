@@ -79,7 +79,7 @@ def load_libraries(pictures: bool) -> None:
     gc.disable()
     try:
         # Not before this is called: the supervisor needs none of it.
-        importlib.import_module("carstage.conversion.segment")
+        importlib.import_module("carstage.conversion.whole_episode")
         keep_pandas_lazy()
         from carstage.codecs.images import RgbRunsPng
 

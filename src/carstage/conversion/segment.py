@@ -5,7 +5,6 @@ from __future__ import annotations
 import zipfile
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ from carstage.annotation.schema import LANE_LINES, PATCHES, Column, frame_tables
 from carstage.codecs import codec_for
 from carstage.codecs.codec import image_bgra
 from carstage.conversion.disparity import DisparityMaker
+from carstage.conversion.encoded import EncodedSegment, parts_folder
 from carstage.conversion.flash_lidar import flash_payload
 from carstage.conversion.lane_lines import LaneLineMaker
 from carstage.conversion.occupancy import occupancy_files, part_path
@@ -38,15 +38,6 @@ from carstage.sensor_kinds.columns import Point
 from carstage.sensor_kinds.model import DETECTIONS, POINTS
 from carstage.spec import EpisodeSpec, SensorSpec
 from carstage.storage.attempt_files import AttemptFiles
-from carstage.storage.marker import FileEntry
-
-LABEL_PARTS = ".labels"
-"""Folder of the label parts below the raw log; its name can be no stream's."""
-
-
-def parts_folder(raw_folder: Path, agent: str | None) -> Path:
-    """Where parts of label tables are kept for a while: the ego's, or those of an agent."""
-    return raw_folder / (LABEL_PARTS if agent is None else f"{LABEL_PARTS}.{agent}")
 
 
 def saved_ticks(log: EpisodeLog, segment: int) -> dict[int, int]:
@@ -56,20 +47,6 @@ def saved_ticks(log: EpisodeLog, segment: int) -> dict[int, int]:
         for record in log.read_segment(LEDGER, segment)
         if record.kind == KIND_DATA and record.meta["k"] is not None
     }
-
-
-@dataclass(frozen=True, slots=True)
-class EncodedSegment:
-    """What became of one sensor's segment.
-
-    Attributes:
-        rows: of a sensor that becomes a table.
-        files: of a sensor that becomes files; hashed as they were written, so that nobody has to
-            read them for it.
-    """
-
-    rows: tuple[dict[str, Any], ...] = ()
-    files: tuple[FileEntry, ...] = ()
 
 
 def encode_segment(

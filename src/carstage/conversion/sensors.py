@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from carstage.codecs import codec_for
+from carstage.codecs import codec_for, codec_names
 from carstage.errors import BadInputError
 from carstage.rawlog.format import LEDGER, WORLD
 from carstage.sensor_kinds.model import CLOUDS, DETECTIONS, POINTS, ROWS, VOXELS
@@ -91,5 +91,7 @@ def _recorded(sensor: SensorSpec, codec: str | None) -> RecordedSensor:
                 f"Codecs of that kind: {ROWS_CODEC}.",
             )
         return RecordedSensor(sensor.id, kind, ROWS_CODEC)
-    name, _ = codec_for(kind, codec)
+    names = codec_names(kind)
+    # The default one is loaded where it encodes.
+    name = names[0] if codec is None and names else codec_for(kind, codec)[0]
     return RecordedSensor(sensor.id, kind, name, sensor.faces or ())

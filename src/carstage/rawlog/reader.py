@@ -257,6 +257,11 @@ class EpisodeLog:
             )
         )
 
+    @property
+    def segments(self) -> range:
+        """Numbers of the segments that a whole recording has."""
+        return range(-(-int(self.header["ticks"]) // int(self.header["ticks_per_segment"])))
+
     def sealed_segments(self, stream: str) -> tuple[int, ...]:
         """Numbers of the sealed segments of a sensor, or of ``world`` or ``ledger``, ascending."""
         folder = self.folder / self.stream(stream)

@@ -175,17 +175,18 @@ class AttemptCommit:
             self._conversion.remove_converted()
 
     def is_ready(self) -> bool:
-        """Whether all frames are converted.
+        """Whether all is converted; cheap to ask often.
 
         Raises:
-            CarStageError: converting one failed.
+            CarStageError: converting it failed.
         """
         with _disk_errors(self._what):
             self._conversion.raise_if_failed()
-        return self._conversion.frames_done >= self.job.spec.saved_frames
+            all_frames = self._conversion.frames_done >= self.job.spec.saved_frames
+            return all_frames and self._conversion.is_written()
 
     def commit(self) -> int:
-        """Write what belongs to the whole episode and make it part of the dataset.
+        """Make the episode part of the dataset, once :meth:`is_ready` says so.
 
         Returns:
             The number of its frames.

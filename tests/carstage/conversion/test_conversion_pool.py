@@ -188,6 +188,15 @@ def test_task_that_is_defined_in_the_program_itself_is_refused_with_a_way_out() 
     assert answer.stdout.endswith(" 3\n")
 
 
+def test_who_hands_out_the_work_does_not_load_what_it_needs() -> None:
+    others = "{'pyarrow', 'PIL', 'numba', 'carstage.annotation', 'carstage.dataset.reading'}"
+    program = f"import sys, carstage.runs.running; print(*{others} & {{*sys.modules}})"
+    ended = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert ended.stdout.split() == []
+
+
 def test_workers_load_no_configuration() -> None:
     others = "{'pydantic', 'yaml', 'duckdb', 'carstage.config', 'carstage.dataset.reading'}"
     program = f"import sys, carstage.conversion.segment; print(*{others} & {{*sys.modules}})"

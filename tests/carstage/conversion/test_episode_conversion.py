@@ -124,6 +124,51 @@ def test_what_is_converted_may_go_and_the_bytes_are_the_same(
     assert contents(tmp_path / "other") == contents(converted)
 
 
+def test_whoever_asks_whether_all_is_written_need_not_wait(
+    raw: Path, converted: Path, tmp_path: Path
+) -> None:
+    begun, go = Event(), Event()
+
+    class HoldsTheRest(ThreadPoolExecutor):
+        """Begins what belongs to the whole episode when it is told to."""
+
+        def submit(self, function: Any, /, *arguments: Any, **_: Any) -> Future[Any]:
+            def work() -> Any:
+                if function.__name__ == "write_episode":
+                    begun.set()
+                    go.wait()
+                return function(*arguments)
+
+            return super().submit(work)
+
+    with HoldsTheRest(2) as pool:
+        conversion = EpisodeConversion(raw, FolderFiles(tmp_path / "other"), pool)
+        conversion.scan()
+        while not begun.is_set():
+            assert not conversion.is_written()
+        assert not conversion.is_written()
+        assert not (tmp_path / "other/episode.json").exists()
+        go.set()
+        while not conversion.is_written():
+            pass
+        assert contents(tmp_path / "other") == contents(converted)
+        assert conversion.finish().frames == 6
+
+
+def test_what_fails_at_the_end_is_raised_by_the_finish(tmp_path: Path) -> None:
+    analytic_scene.write_raw_log(tmp_path / "raw")
+    with ThreadPoolExecutor(1) as pool:
+        conversion = EpisodeConversion(tmp_path / "raw", FolderFiles(tmp_path / "out"), pool)
+        conversion.scan()
+        while conversion.frames_done < 6:
+            pass
+        shutil.rmtree(tmp_path / "raw/.labels")
+        while not conversion.is_written():
+            pass
+        with pytest.raises(ConversionError, match="label part"):
+            conversion.finish()
+
+
 def test_what_could_not_be_converted_stays(raw: Path, tmp_path: Path) -> None:
     shutil.copytree(raw, tmp_path / "raw")
     path = tmp_path / "raw/CAM_FRONT/000000.seg"
@@ -267,8 +312,10 @@ def test_label_part_that_is_gone_or_damaged_is_told(
         conversion = EpisodeConversion(raw, FolderFiles(tmp_path / "out"), pool)
         conversion.scan()
     damage(next((raw / ".labels").glob("000001.objects*")))
-    with pytest.raises(ConversionError, match="label part"):
-        conversion.finish()
+    with ThreadPoolExecutor(1) as pool:
+        conversion.use(pool)
+        with pytest.raises(ConversionError, match="label part"):
+            conversion.finish()
     conversion.cancel()
 
 

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 import analytic_scene
 from analytic_dataset import VERSIONS, attempt_of, convert, recommit
 from carstage.birds_eye.visibility import CAMERA, LIDAR
-from carstage.conversion.segment import LABEL_PARTS, place_voxels
+from carstage.conversion.encoded import LABEL_PARTS
+from carstage.conversion.segment import place_voxels
 from carstage.dataset import Dataset
 from carstage.errors import ConversionError, DatasetError
 from carstage.exporters import ExportOptions, export_dataset

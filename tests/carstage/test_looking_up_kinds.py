@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import replace
@@ -37,3 +39,19 @@ def test_a_thread_waits_for_the_kinds_that_another_looks_up(
         go_on.set()
         assert not done
         assert first.result(LIMIT_S) == second.result(LIMIT_S) == late
+
+
+def test_files_of_installed_packages_are_read_once_for_all_groups() -> None:
+    program = (
+        "import importlib.metadata as metadata\n"
+        "read, times = metadata.entry_points, []\n"
+        "metadata.entry_points = lambda **given: (times.append(1), read(**given))[1]\n"
+        "from carstage.codecs import codec_names\n"
+        "from carstage.spec import known_events\n"
+        "assert 'png' in codec_names('rgb') and known_events()\n"
+        "print(len(times))"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert ended.stdout.split() == ["1"]

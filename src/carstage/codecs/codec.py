@@ -5,14 +5,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
-from importlib.metadata import entry_points
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carstage.errors import BadInputError
-from carstage.sensor_kinds import known_kind, load_object, sensor_kind
+from carstage.sensor_kinds import installed_entries, known_kind, load_object, sensor_kind
 
 ENTRY_POINT_GROUP = "carstage.codecs"
 
@@ -122,7 +121,7 @@ def codec_for(kind: str, name: str | None = None) -> tuple[str, Codec]:
 @cache
 def _load_installed() -> None:
     """Import the codecs that other distributions declare as entry points, once."""
-    for entry in entry_points(group=ENTRY_POINT_GROUP):
+    for entry in installed_entries(ENTRY_POINT_GROUP):
         entry.load()
 
 

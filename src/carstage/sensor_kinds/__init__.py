@@ -6,7 +6,7 @@ A package adds a kind with :func:`register`.
 Standard library only, Python 3.8: the collector reads the table too.
 """
 
-from carstage.sensor_kinds.installed import InstalledModules, import_plugins
+from carstage.sensor_kinds.installed import InstalledModules, import_plugins, installed_entries
 from carstage.sensor_kinds.model import Attribute, AttributeSet, Column, SensorKind, load_object
 from carstage.sensor_kinds.table import (
     ENTRY_POINT_GROUP,
@@ -29,6 +29,7 @@ __all__ = [
     "SensorKind",
     "content_of",
     "import_plugins",
+    "installed_entries",
     "kinds",
     "known_kind",
     "load_object",

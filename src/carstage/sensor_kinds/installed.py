@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import sys
 import threading
+from functools import lru_cache
 from importlib import import_module
-from typing import Iterable
+from typing import Any, Iterable
 
 
 class InstalledModules:
@@ -31,9 +32,20 @@ class InstalledModules:
             if self._scanned:
                 return
             self._scanned = True
-            from importlib.metadata import entry_points
+            import_plugins(entry.module for entry in installed_entries(self._group))
 
-            import_plugins(entry.module for entry in entry_points(group=self._group))
+
+def installed_entries(group: str) -> Iterable[Any]:
+    """The entry points of a group that installed packages declare, since Python 3.10."""
+    return _entries().select(group=group)
+
+
+@lru_cache(maxsize=None)
+def _entries() -> Any:
+    """Those of all groups: who reads them for one reads the files of every installed package."""
+    from importlib.metadata import entry_points
+
+    return entry_points()
 
 
 def import_plugins(modules: Iterable[str]) -> None:

@@ -84,7 +84,7 @@ def check_interpreter(python: Path) -> None:
     Raises:
         BadInputError: names ``server.client_python``.
     """
-    if _output(python, _PYTHON) is None:
+    if python != Path(sys.executable) and _output(python, _PYTHON) is None:
         raise BadInputError(
             f"server.client_python: {python} is no Python that runs.", "Give an interpreter's path."
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from carstage.errors import BadInputError, ServerError
 from carstage.releases import Release
 from carstage.server import interpreters
 from carstage.server.interpreters import (
+    check_interpreter,
     client_folder,
     clients_here,
     create_client,
@@ -195,3 +197,11 @@ def test_client_that_uv_cannot_make_leaves_nothing(machine: Path) -> None:
 def test_making_a_client_needs_uv(machine: Path) -> None:
     with pytest.raises(BadInputError, match=r"server\.create_client_env: uv"):
         create_client(OLD)
+
+
+def test_this_python_is_known_to_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    def start(*_: object, **__: object) -> None:
+        raise AssertionError("a process was started")
+
+    monkeypatch.setattr(subprocess, "run", start)
+    check_interpreter(Path(sys.executable))

@@ -37,7 +37,8 @@ class InstalledModules:
 
 def installed_entries(group: str) -> Iterable[Any]:
     """The entry points of a group that installed packages declare, since Python 3.10."""
-    return _entries().select(group=group)
+    entries: Iterable[Any] = _entries().select(group=group)
+    return entries
 
 
 @lru_cache(maxsize=None)

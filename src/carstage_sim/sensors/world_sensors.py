@@ -32,6 +32,7 @@ from carstage_sim.sensors import (  # noqa: F401 - they register themselves
     obstacle,
     occupancy,
     radar,
+    rcs_radar,
     sweeping_lidar,
     v2x,
 )

@@ -47,6 +47,7 @@ def rig():
         request("other.gnss", 22),
         request("lidar.ray_cast_semantic", 23, **_LIDAR),
         request("other.radar", 24),
+        request("other.radar_rcs", 26),
         request("other.obstacle", 25, distance=30.0),
     ]
     return cameras + others
@@ -97,6 +98,7 @@ def test_all_kinds_are_answered_in_the_order_of_the_requests(sensors):
         "sensor.other.obstacle",
         "sensor.other.occupancy",
         "sensor.other.radar",
+        "sensor.other.radar_rcs",
         "sensor.other.v2x",
         "sensor.other.v2x_custom",
     )

@@ -38,6 +38,7 @@ _KINDS = {
     "sensor.other.imu": "IMUMeasurement",
     "sensor.other.gnss": "GnssMeasurement",
     "sensor.other.occupancy": "SemanticLidarMeasurement",
+    "sensor.other.radar_rcs": "SemanticLidarMeasurement",
 }
 
 

@@ -31,6 +31,7 @@ SENSORS = {
     "sensor.other.imu": "IMUMeasurement",
     "sensor.other.gnss": "GnssMeasurement",
     "sensor.other.occupancy": "SemanticLidarMeasurement",
+    "sensor.other.radar_rcs": "SemanticLidarMeasurement",
     "sensor.other.obstacle": "ObstacleDetectionEvent",
 }
 """All that send something in every tick while they move, and the client's class of it."""

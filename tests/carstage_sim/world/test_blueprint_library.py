@@ -32,6 +32,7 @@ def test_library_lists_the_families_that_the_simulator_produces() -> None:
         "sensor.other.imu",
         "sensor.other.gnss",
         "sensor.other.radar",
+        "sensor.other.radar_rcs",
         "sensor.other.collision",
         "sensor.other.lane_invasion",
         "sensor.other.obstacle",

@@ -200,6 +200,7 @@ _SENSORS: dict[str, tuple[_Row, ...]] = {
     "sensor.lidar.ray_cast_semantic": _SEMANTIC_LIDAR,
     "sensor.lidar.ray_cast_sweeping": _LIDAR,
     "sensor.other.radar": _RADAR,
+    "sensor.other.radar_rcs": (*_RADAR, ("fluctuation", _B, "true")),
     "sensor.other.collision": (),
     "sensor.other.lane_invasion": (),
     "sensor.other.obstacle": _OBSTACLE,
@@ -213,6 +214,7 @@ _SENSORS: dict[str, tuple[_Row, ...]] = {
 _SENT_AS: dict[str, str] = {
     "sensor.lidar.ray_cast_sweeping": "sensor.lidar.ray_cast_semantic",
     "sensor.other.occupancy": "sensor.lidar.ray_cast_semantic",
+    "sensor.other.radar_rcs": "sensor.lidar.ray_cast_semantic",
 }
 """Sensors that CARLA has not: whose messages theirs are to a client."""
 

@@ -17,6 +17,7 @@ from carstage.sensor_kinds.attributes import (
     IMU,
     LIDAR,
     RADAR,
+    RCS_RADAR,
     SEMANTIC_LIDAR,
     V2X,
 )
@@ -78,6 +79,7 @@ _TAGGED_POINT = (
     Column("object_idx", "<u4"),
     Column("object_tag", "<u4"),
 )
+_DETECTION = _floats("range_rate_m_s", "azimuth_rad", "altitude_rad", "depth_m")
 _SWEEP_POINT = _floats(
     *("x", "y", "z", "intensity", "time_s", "ring"),
     *("x_measured", "y_measured", "z_measured"),
@@ -248,7 +250,23 @@ BUILT_IN = (
         summary="A radar: distance, direction and range rate of what its rays hit.",
         attributes=RADAR,
         collector=_RAYS + "Radar",
-        columns=_floats("range_rate_m_s", "azimuth_rad", "altitude_rad", "depth_m"),
+        columns=_DETECTION,
+        modality="radar",
+        icon="radar",
+        field_of_view="cone",
+    ),
+    SensorKind(
+        name="rcs_radar",
+        blueprint="sensor.other.radar_rcs",
+        content=DETECTIONS,
+        title="Radar with RCS",
+        short="RCSRADAR",
+        description="Radar with cross sections.",
+        summary="A radar whose detections have radar cross sections; the embedded simulator has "
+        "it.",
+        attributes=RCS_RADAR,
+        collector=_RAYS + "Radar",
+        columns=(*_DETECTION, *_floats("rcs_dbsm", "object_tag")),
         modality="radar",
         icon="radar",
         field_of_view="cone",

@@ -109,7 +109,8 @@ def clutter_dbsm(tags: NDArray[np.uint8], solid_angle_sr: Vector, range_m: Vecto
         gamma_db[tag] = value_db + _AT_77_GHZ_DB
     area_m2 = solid_angle_sr * range_m**2
     least = 10.0 ** (LEAST_DBSM / 10.0)
-    return np.maximum(gamma_db[tags] + 10.0 * np.log10(np.maximum(area_m2, least)), LEAST_DBSM)
+    found = gamma_db[tags] + 10.0 * np.log10(np.maximum(area_m2, least))
+    return np.asarray(np.maximum(found, LEAST_DBSM))
 
 
 def fluctuation_db(normal: Vector, deviation_db: Vector) -> Vector:

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage.annotation.point_sensors import radar_detections
 from carstage.codecs import codec_for
 from carstage.codecs.codec import image_bgra
 from carstage.conversion.flash_lidar import flash_points
@@ -144,7 +145,7 @@ def draw_record(
     """
     content = sensor_kind(kind).content
     if content == DETECTIONS:
-        return points_of(content, np.frombuffer(record.payload, "<f4").reshape(-1, 4)).tobytes()
+        return points_of(content, radar_detections(kind, record.payload)).tobytes()
     payload = memoryview(dataset_payload(kind, server, memoryview(record.payload)))
     data = codec_for(kind)[1].raw_array(record.meta, payload)
     if content in CLOUDS:

@@ -303,6 +303,12 @@ RCS_RADAR = AttributeSet(
     "Those of a radar, and whether its radar cross sections fluctuate.",
     _RCS_RADAR,
 )
+RAY_FLASH_LIDAR = AttributeSet(
+    "RayFlashLidarAttributes",
+    "Those of a flash LiDAR that is made of pictures; rays need no `oversampling`.",
+    tuple(row for row in _FLASH if row.name != "oversampling"),
+    shape="flash rays",
+)
 IMU = AttributeSet("ImuAttributes", "An inertial measurement unit's: its noise.", _IMU)
 GNSS = AttributeSet("GnssAttributes", "A satellite receiver's: its noise.", _GNSS)
 V2X = AttributeSet(

@@ -25,6 +25,7 @@ from carstage_sim.sensors import (  # noqa: F401 - they register themselves
     cosmos,
     dvs,
     events,
+    flash_lidar,
     flow,
     gbuffers,
     lidar,

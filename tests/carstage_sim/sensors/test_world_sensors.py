@@ -48,6 +48,7 @@ def rig():
         request("lidar.ray_cast_semantic", 23, **_LIDAR),
         request("other.radar", 24),
         request("other.radar_rcs", 26),
+        request("lidar.ray_cast_flash", 27),
         request("other.obstacle", 25, distance=30.0),
     ]
     return cameras + others
@@ -89,6 +90,7 @@ def test_all_kinds_are_answered_in_the_order_of_the_requests(sensors):
         "sensor.camera.rgb",
         "sensor.camera.semantic_segmentation",
         "sensor.lidar.ray_cast",
+        "sensor.lidar.ray_cast_flash",
         "sensor.lidar.ray_cast_semantic",
         "sensor.lidar.ray_cast_sweeping",
         "sensor.other.collision",

@@ -29,6 +29,7 @@ def test_library_lists_the_families_that_the_simulator_produces() -> None:
         "sensor.lidar.ray_cast",
         "sensor.lidar.ray_cast_semantic",
         "sensor.lidar.ray_cast_sweeping",
+        "sensor.lidar.ray_cast_flash",
         "sensor.other.imu",
         "sensor.other.gnss",
         "sensor.other.radar",

@@ -2,8 +2,9 @@
 
 Drives are recorded with flash LiDARs that are made of depth pictures. Beside each beam goes a ray
 of a semantic LiDAR, which the embedded simulator casts by itself: with the same rows, and turned by
-half a column, its rays are the beams. A finer depth camera of the same place says which beams end
-at an edge, where a picture's pixel and a line may meet different things.
+half a column, its rays are the beams. The simulator's own flash LiDAR is compared with them, too. A
+finer depth camera of the same place says which beams end at an edge, where a picture's pixel and a
+line may meet different things.
 """
 
 from __future__ import annotations
@@ -71,6 +72,8 @@ _CONFIG = {
             _sensor("LINES", "flash_lidar", **_LINES),
             _sensor("NOISY", "flash_lidar", **_LINES, noise_stddev_m=_NOISE_M, dropoff_rate=0.1),
             _sensor("WIDE", "flash_lidar", **_BEAMS, returns="all"),
+            _sensor("CAST", "ray_flash_lidar", **_LINES),
+            _sensor("WIDE_CAST", "ray_flash_lidar", **_BEAMS, returns="all"),
             _sensor("DEPTH", "depth", image_size=[2048, 640], fov_deg=66.0),
             _sensor(
                 "RAYS", "semantic_lidar", _HALF_COLUMN_DEG, channels=ROWS, range_m=RANGE_M,
@@ -91,11 +94,14 @@ class _Found:
         depth: of those on one surface, differences to the finer depth picture (m).
         cosines: differences of intensities to the rays' cosines of incidence, on one surface.
         noise: differences of noisy ranges to those without noise (m).
+        ways, ways_at_edges: differences of ranges between pictures and rays of the simulator's own
+            flash LiDAR (m), on one surface and elsewhere.
         missing: beams without a point where the ray meets something, on one surface.
         extra: points where the ray meets nothing, on one surface.
         kept, possible: points with drop-off and without.
         outside: echoes of wide beams beyond what the finer picture has in their footprints.
         echoes, wide_beams: points of wide beams, and beams that have some.
+        cast_echoes: points of wide beams by rays.
     """
 
     flat: list[FloatArray]
@@ -103,6 +109,8 @@ class _Found:
     depth: list[FloatArray]
     cosines: list[FloatArray]
     noise: list[FloatArray]
+    ways: list[FloatArray]
+    ways_at_edges: list[FloatArray]
     missing: int = 0
     extra: int = 0
     kept: int = 0
@@ -110,6 +118,7 @@ class _Found:
     outside: int = 0
     echoes: int = 0
     wide_beams: int = 0
+    cast_echoes: int = 0
 
 
 def measure_flash_lidar(
@@ -124,7 +133,7 @@ def measure_flash_lidar(
         seconds: simulated ones in each.
         progress: called with the recordings done and their total number.
     """
-    found = _Found([], [], [], [], [])
+    found = _Found([], [], [], [], [], [], [])
     frames = 0
     with tempfile.TemporaryDirectory(prefix="carstage-flash-") as scratch:
         for number, town in enumerate(towns, start=1):
@@ -150,6 +159,10 @@ def _figures(found: _Found) -> Iterator[Figure]:
     yield Figure("beams_on_one_surface", len(flat), ">=", 1000)
     yield Figure("range_error_to_rays_m_p99", float(np.quantile(flat, 0.99)), "<=", NEAR_M)
     yield Figure("range_error_to_depth_m_p99", float(np.quantile(depth, 0.99)), "<=", NEAR_M)
+    ways, at_edges = np.concatenate(found.ways), np.concatenate(found.ways_at_edges)
+    yield Figure("difference_between_ways_m_p99", float(np.quantile(ways, 0.99)), "<=", NEAR_M)
+    yield Figure("share_of_ways_within_1_cm_at_edges", float((at_edges <= NEAR_M).mean()))
+    yield Figure("echoes_by_rays_over_those_by_pictures", found.cast_echoes / found.echoes)
     yield Figure("share_within_1_cm_at_edges_and_leaves", float((edges <= NEAR_M).mean()))
     yield Figure("share_of_beams_at_edges_and_leaves", len(edges) / (len(edges) + len(flat)))
     odd = (found.missing + found.extra) / len(flat)
@@ -182,6 +195,12 @@ def _compare(frame: Frame, found: _Found) -> None:
     found.flat.append(error[both & flat])
     found.edges.append(error[both & ~flat])
     found.depth.append(np.abs(lines - depth_m)[both & flat])
+    cast = _by_beam(frame.read("CAST"), lidar.flash)
+    between = np.abs(lines - cast)
+    known = ~np.isnan(between)
+    found.ways.append(between[known & flat])
+    found.ways_at_edges.append(between[known & ~flat])
+    found.cast_echoes += len(frame.read("WIDE_CAST"))
     inner = flat & (ray_m < RANGE_M - 1.0)
     found.missing += int((np.isnan(lines) & ~np.isnan(ray_m) & inner).sum())
     found.extra += int((~np.isnan(lines) & np.isnan(ray_m) & flat & (lines < RANGE_M - 1.0)).sum())

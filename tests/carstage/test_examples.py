@@ -184,6 +184,13 @@ def test_an_example_has_a_lidar_that_moves_while_it_turns() -> None:
     assert "sweeping_lidar.yaml" in (EXAMPLES / "README.md").read_text("utf-8")
 
 
+def test_an_example_has_radars_with_cross_sections() -> None:
+    spec = judge(load_config(EXAMPLES / "radar.yaml"))[0]
+    kinds = [sensor.kind for sensor in spec.sensors if not sensor.hidden]
+    assert kinds == ["rgb", "rcs_radar", "rcs_radar"]
+    assert "radar.yaml" in (EXAMPLES / "README.md").read_text("utf-8")
+
+
 def test_an_example_has_patches_on_every_target_recorded_with_and_without() -> None:
     plan = judge(load_config(EXAMPLES / "patches.yaml"))
     assert len(plan) == 2 * 2
@@ -277,6 +284,7 @@ def test_every_example_configuration_is_tested() -> None:
         "openscenario.yaml",
         "own_driver.yaml",
         "patches.yaml",
+        "radar.yaml",
         "scenic.yaml",
         "sweep_lidar.yaml",
         "sweeping_lidar.yaml",

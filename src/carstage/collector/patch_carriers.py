@@ -13,6 +13,7 @@ from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tu
 import carla
 
 from carstage.collector.actors import DROP_M, Walker
+from carstage.collector.internals.dialect import city_object_labels
 from carstage.collector.scenario import Population
 from carstage.collector.world import WorldSession
 from carstage.spec import EpisodeSpec
@@ -31,6 +32,8 @@ KERB_M = 3.0
 """So far from the road's edge its sidewalk may begin."""
 ROOM_M = 1.0
 """Between a carrier and everybody else."""
+PARKED_ROOM_M = 0.3
+"""Between a carrier and a parked car of the level."""
 IN_THE_WAY_M = 2.0
 """Who is nearer to the line from the ego to a board is taken to hide it."""
 FARTHEST_SIDEWALK_M = 15.0
@@ -50,6 +53,37 @@ class _Place(NamedTuple):
     def of(cls, actor: Any) -> _Place:
         extent = actor.bounding_box.extent
         return cls(actor.get_location(), math.hypot(extent.x, extent.y))
+
+
+class _Footprint(NamedTuple):
+    """A box seen from above: its middle, the unit vector along it, half its length and width."""
+
+    middle: Tuple[float, float]
+    along: Tuple[float, float]
+    half_m: Tuple[float, float]
+
+    @classmethod
+    def of(cls, box: Any, yaw_deg: float) -> _Footprint:
+        """Of a ``carla.BoundingBox`` with its location in the world."""
+        yaw = math.radians(yaw_deg)
+        at, extent = box.location, box.extent
+        return cls((at.x, at.y), (math.cos(yaw), math.sin(yaw)), (extent.x, extent.y))
+
+    def reach_m(self, x: float, y: float) -> float:
+        """How far it reaches from its middle along a unit vector."""
+        ahead, across = self.along
+        return self.half_m[0] * abs(ahead * x + across * y) + self.half_m[1] * abs(
+            ahead * y - across * x
+        )
+
+    def is_apart(self, other: _Footprint, gap_m: float) -> bool:
+        """Whether a line parts the two with a gap (separating axes)."""
+        x, y = other.middle[0] - self.middle[0], other.middle[1] - self.middle[1]
+        for a, b in (self.along, other.along):
+            for u, v in ((a, b), (-b, a)):
+                if abs(x * u + y * v) > self.reach_m(u, v) + other.reach_m(u, v) + gap_m:
+                    return True
+        return False
 
 
 def large_vehicles(population: Population) -> List[Any]:
@@ -112,6 +146,7 @@ def place_carriers(session: WorldSession, spec: EpisodeSpec, population: Populat
     agents = [one.actor for one in population.agents]
     people = [walker.actor for walker in population.walkers]
     others = {one.id: _Place.of(one) for one in (*agents, *population.vehicles, *people)}
+    parked = _parked(session)
     carriers: Carriers = {}
     for patch in spec.patches:
         goal = start.next(max(patch.distance_m, STEP_M))
@@ -124,7 +159,7 @@ def place_carriers(session: WorldSession, spec: EpisodeSpec, population: Populat
         own = others.pop(actor.id)
         for transform in _transforms(session, start, patch, actor):
             place = own._replace(at=transform.location)
-            if _is_free(place, eye, list(others.values())):
+            if _is_free(place, eye, list(others.values())) and _misses(actor, transform, parked):
                 actor.set_transform(transform)
                 carriers[patch.name], own = actor, place
                 break
@@ -151,6 +186,23 @@ def send_to_ego(session: WorldSession, population: Population, carriers: Carrier
                 walker.controller.go_to_location(walker.target)
         walkers.append(walker)
     return walkers
+
+
+def _parked(session: WorldSession) -> List[_Footprint]:
+    """Cars of the level that are no actors."""
+    return [
+        _Footprint.of(found.bounding_box, found.bounding_box.rotation.yaw)
+        for label in city_object_labels("parked_vehicles")
+        for found in session.world.get_environment_objects(label)
+    ]
+
+
+def _misses(actor: Any, transform: Any, parked: Sequence[_Footprint]) -> bool:
+    """Whether somebody put at a place is in no parked car."""
+    box = actor.bounding_box
+    middle = transform.transform(carla.Location(box.location.x, box.location.y, 0.0))
+    own = _Footprint.of(carla.BoundingBox(middle, box.extent), transform.rotation.yaw)
+    return all(own.is_apart(other, PARKED_ROOM_M) for other in parked)
 
 
 def _lane(session: WorldSession, population: Population) -> Any:

@@ -215,9 +215,30 @@ class FlashAttributes(SensorAttributes):
         }
 
 
+class RayFlashAttributes(FlashAttributes):
+    """What goes beyond the rows of a flash LiDAR by rays: they are what is recorded for it."""
+
+    def carla(self, *, fps: float, image_size: tuple[int, int]) -> dict[str, str]:
+        """The attribute strings of the embedded simulator's sensor."""
+        del fps, image_size
+        flash = self.spec()
+        return {
+            "columns": str(flash.columns),
+            "rows": str(flash.rows),
+            "samples": str(flash.samples),
+            "range": carla_text(flash.range_m),
+            **{
+                f"{axis}_{what}": carla_text(getattr(flash, f"{axis}_{what}_deg"))
+                for axis in ("horizontal", "vertical")
+                for what in ("fov", "divergence")
+            },
+        }
+
+
 _SHAPES: dict[str, type[SensorAttributes]] = {
     "plain": SensorAttributes,
     "flash": FlashAttributes,
+    "flash rays": RayFlashAttributes,
     "camera": CameraAttributes,
     "sweep": SweepAttributes,
 }

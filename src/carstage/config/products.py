@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 LIDAR, SEMANTIC_LIDAR, FLASH_LIDAR = "lidar", "semantic_lidar", "flash_lidar"
-SWEEPING_LIDAR = "sweeping_lidar"
+SWEEPING_LIDAR, RAY_FLASH_LIDAR = "sweeping_lidar", "ray_flash_lidar"
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ PRODUCTS: Mapping[str, LidarProduct] = {
     ),
     "continental_hfl110": LidarProduct(
         "Continental HFL110",
-        (FLASH_LIDAR,),
+        (FLASH_LIDAR, RAY_FLASH_LIDAR),
         {
             "columns": 128,
             "rows": 32,

@@ -14,6 +14,7 @@ from pydantic import Discriminator, create_model, model_validator
 
 from carstage.config.attributes import (
     FlashAttributes,
+    RayFlashAttributes,
     SensorAttributes,
     attributes_model,
     carla_text,
@@ -25,6 +26,7 @@ from carstage.errors import BadInputError
 from carstage.geometry.lens_sources import SourceView
 from carstage.sensor_kinds import SensorKind, kinds, sensor_kind
 from carstage.sensor_kinds.model import NORMALS
+from carstage.spec.flash import MOST_RAYS
 from carstage.spec.sensors import EGO, ON_MAP, RIGID, SensorSpec
 
 #: Length of a stream's name in the raw log; twins append one of these to their sensor's id.
@@ -348,11 +350,34 @@ class FlashLidarSensor(Sensor):
         return self.attributes.source()
 
 
+class RayFlashLidarSensor(Sensor):
+    """What flash LiDARs by rays have beyond: how many rays the simulator casts."""
+
+    if TYPE_CHECKING:
+        attributes: RayFlashAttributes
+
+    @model_validator(mode="after")
+    def _check_rays(self) -> RayFlashLidarSensor:
+        flash = self.attributes.spec()
+        rays = flash.beams * flash.samples**2
+        if rays > MOST_RAYS:
+            raise problem(
+                f"{flash.columns} x {flash.rows} beams of {flash.samples**2} rays are more than "
+                f"{MOST_RAYS:,} rays.",
+                "Give fewer columns, rows or samples.",
+                "attributes",
+            )
+        return self
+
+
+_BASES: dict[str, type[Sensor]] = {"flash": FlashLidarSensor, "flash rays": RayFlashLidarSensor}
+
+
 def _base(kind: SensorKind) -> type[Sensor]:
     """What the models of its kind are derived from."""
     if kind.is_camera:
         return CameraSensor
-    return FlashLidarSensor if kind.attributes.shape == "flash" else Sensor
+    return _BASES.get(kind.attributes.shape, Sensor)
 
 
 def _model(kind: SensorKind) -> type[Sensor]:

@@ -17,6 +17,7 @@ from carstage.conversion.reprojection_kernel import (
     NOTHING,
     depth_code,
 )
+from carstage.geometry.flash_beams import STEEPEST
 from carstage.kernels import compiled
 
 METRES_PER_CODE: Final = 1000.0 / (2**24 - 1)
@@ -26,8 +27,6 @@ CHOSEN_STRONGEST: Final = 1
 CHOSEN_LAST: Final = 2
 CHOSEN_DUAL: Final = 3
 CHOSEN_ALL: Final = 4
-_STEEPEST: Final = 1e-3
-"""Cosine of incidence that surfaces seen edge-on are taken to have."""
 _HALVINGS: Final = 10
 _TERMS: Final = 10
 _DRAWS: Final = 32
@@ -78,7 +77,7 @@ def sample_surfaces(
             n_x, n_y = focal_px * along_u, focal_px * along_v
             n_z = inverse - across * along_u - down * along_v
             normal = np.sqrt(n_x * n_x + n_y * n_y + n_z * n_z)
-            cosine[b, s] = min(max(inverse / (normal * stretch), _STEEPEST), 1.0)
+            cosine[b, s] = min(max(inverse / (normal * stretch), STEEPEST), 1.0)
 
 
 @compiled

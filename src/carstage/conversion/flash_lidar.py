@@ -1,26 +1,28 @@
-"""From recorded depth pictures to the points of a flash LiDAR."""
+"""From recorded depth pictures, or rays, to the points of a flash LiDAR."""
 
 from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage.annotation.point_sensors import record_dtype
 from carstage.annotation.rig import camera_geometry
 from carstage.codecs.codec import image_bgra
 from carstage.conversion.reprojection import Picture, RayPlaces, face_numbers, places_of_rays
 from carstage.geometry import FloatArray
-from carstage.geometry.flash_beams import beam_directions, footprint_rays
+from carstage.geometry.flash_beams import STEEPEST, beam_directions, footprint_rays
 from carstage.rawlog.reader import Record
 from carstage.spec import FlashSpec, SensorSpec
 from carstage.spec.flash import RETURNS
 
+BY_RAYS: Final = "ray_flash_lidar"
 _WORD: Final = 2**64
 
 
@@ -58,8 +60,12 @@ def flash_payload(
     found = [record for record in records if record is not None]
     if len(found) < len(sensor.streams):
         return None
-    pictures = np.stack([image_bgra(record.meta, record.payload) for record in found])
-    points = flash_points(sensor, pictures, frame_seed(noise_seed, sensor.id, found[0].tick))
+    seed = frame_seed(noise_seed, sensor.id, found[0].tick)
+    if sensor.kind == BY_RAYS:
+        points = ray_points(sensor, found[0].meta, found[0].payload, seed)
+    else:
+        pictures = np.stack([image_bgra(record.meta, record.payload) for record in found])
+        points = flash_points(sensor, pictures, seed)
     return {}, points.reshape(-1).view(np.uint8).data
 
 
@@ -79,9 +85,42 @@ def flash_points(sensor: SensorSpec, pictures: NDArray[np.uint8], seed: int) -> 
         seed: of this frame.
     """
     assert sensor.flash is not None
+    places = _places(sensor.flash, camera_geometry(sensor.attributes), face_numbers(sensor))
+    return _points(sensor.flash, flash_echoes(sensor.flash, pictures, places, seed))
+
+
+def ray_points(
+    sensor: SensorSpec, meta: Mapping[str, Any], payload: bytes | memoryview, seed: int
+) -> NDArray[np.float32]:
+    """As :func:`flash_points`, of the rays that the embedded simulator cast.
+
+    Args:
+        sensor: as it is planned.
+        meta, payload: of its record, a channel for each beam.
+        seed: of this frame.
+
+    Raises:
+        ValueError: the record is not one of that array.
+    """
+    assert sensor.flash is not None
     flash = sensor.flash
-    places = _places(flash, camera_geometry(sensor.attributes), face_numbers(sensor))
-    echoes = flash_echoes(flash, pictures, places, seed)
+    rays = np.frombuffer(payload, record_dtype("semantic_lidar"))
+    counts = np.asarray(meta["counts"], np.int64)
+    if len(counts) != flash.beams or counts.sum() != len(rays):
+        raise ValueError(f"{len(rays)} rays are not those of {flash.beams} beams")
+    if counts.max(initial=0) > flash.samples**2:
+        raise ValueError("a beam has more rays than samples")
+    beam = np.repeat(np.arange(flash.beams), counts)
+    place = np.arange(len(rays)) - np.repeat(np.cumsum(counts) - counts, counts)
+    shape = (flash.beams, flash.samples**2)
+    range_m, cosine = np.full(shape, np.inf), np.zeros(shape)
+    x, y, z = (rays[name].astype(np.float64) for name in "xyz")
+    range_m[beam, place] = np.sqrt(x * x + y * y + z * z)
+    cosine[beam, place] = np.clip(rays["cos_incidence"].astype(np.float64), STEEPEST, 1.0)
+    return _points(flash, echoes_of_samples(flash, range_m, cosine, seed))
+
+
+def _points(flash: FlashSpec, echoes: FlashEchoes) -> NDArray[np.float32]:
     points = np.empty((len(echoes.beam), 4), np.float32)
     points[:, :3] = beam_directions(flash)[echoes.beam] * echoes.range_m[:, None]
     points[:, 3] = flash_intensity(flash, echoes)
@@ -99,11 +138,27 @@ def flash_echoes(
         places: where the samples of the footprints, ``(B, S)``, are in them.
         seed: of this frame.
     """
-    from carstage.conversion.flash_kernel import find_echoes, report_echoes, sample_surfaces
+    from carstage.conversion.flash_kernel import sample_surfaces
 
     shape = places.face.shape
     range_m, cosine = np.empty(shape), np.empty(shape)
     sample_surfaces(pictures, places.face, places.place, places.focal_px, range_m, cosine)
+    return echoes_of_samples(flash, range_m, cosine, seed)
+
+
+def echoes_of_samples(
+    flash: FlashSpec, range_m: FloatArray, cosine: FloatArray, seed: int
+) -> FlashEchoes:
+    """Find echoes, and report those that are seen.
+
+    Args:
+        flash: what is measured.
+        range_m, cosine: ``(B, S)`` of the samples of the footprints; infinity: nothing is there.
+        seed: of this frame.
+    """
+    from carstage.conversion.flash_kernel import find_echoes, report_echoes
+
+    shape = range_m.shape
     echo_m, echo_power = np.empty(shape), np.empty(shape)
     count = np.empty(shape[0], np.int64)
     limits_m = (flash.min_range_m, flash.range_m)

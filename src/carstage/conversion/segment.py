@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from carstage.annotation import CameraImages, CameraInputs, EpisodeLabeller
 from carstage.annotation.decoding import decode_depth_bgra
-from carstage.annotation.point_sensors import radar_points
+from carstage.annotation.point_sensors import radar_detections, radar_points
 from carstage.annotation.schema import LANE_LINES, PATCHES, Column, frame_tables
 from carstage.codecs import codec_for
 from carstage.codecs.codec import image_bgra
@@ -134,7 +134,7 @@ def label_segment(
         if name is not None
         for stream in by_id[name].streams
     }
-    radars = [sensor.id for sensor in log.spec.sensors_of(DETECTIONS)]
+    radars = {sensor.id: sensor.kind for sensor in log.spec.sensors_of(DETECTIONS)}
     clouds_of = [stream for lidar in log.spec.sensors_of(POINTS) for stream in lidar.streams]
     by_tick = {
         stream: _by_tick(log, stream, segment)
@@ -148,8 +148,8 @@ def label_segment(
         images = _camera_images(streams, by_id, by_tick, world.tick)
         clouds = _clouds(log.spec, by_tick, world.tick)
         detections = {
-            radar: radar_points(np.frombuffer(record.payload, "<f4").reshape(-1, 4))
-            for radar in radars
+            radar: radar_points(radar_detections(kind, record.payload))
+            for radar, kind in radars.items()
             if (record := by_tick[radar].get(world.tick)) is not None
         }
         labels = labeller.label_frame(world, ticks[world.tick], images, clouds, detections)

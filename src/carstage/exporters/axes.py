@@ -99,13 +99,13 @@ def radar_points(detections: NDArray[Any]) -> tuple[FloatArray, FloatArray]:
     """Detections of a radar as points and velocities in forward-left-up axes.
 
     Args:
-        detections: ``(N, 4)`` range rate (m/s, positive: receding), azimuth to the right (rad),
-            altitude (rad), depth (m).
+        detections: ``(N, 4 or more)`` range rate (m/s, positive: receding), azimuth to the
+            right (rad), altitude (rad), depth (m).
 
     Returns:
         ``(N, 3)`` points (m) and ``(N, 3)`` velocities along the rays (m/s), relative to the radar.
     """
-    rate, azimuth, altitude, depth = np.asarray(detections, dtype=np.float64).T
+    rate, azimuth, altitude, depth = np.asarray(detections[:, :4], dtype=np.float64).T
     level = np.cos(altitude)
     rays = flu_vector(
         np.stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(altitude)], axis=-1)

@@ -11,6 +11,9 @@ import numpy as np
 from carstage.geometry.coordinates import FloatArray
 from carstage.geometry.lens_sources import WIDEST_DEG, SourceView, view_of_rays
 
+STEEPEST = 1e-3
+"""Cosine of incidence that surfaces seen edge-on are taken to have."""
+
 
 class BeamArray(Protocol):
     """Where beams look and how wide they are; ``carstage.spec.FlashSpec`` is one."""

@@ -174,6 +174,12 @@ _RADAR: _Rows = (
         le=10000000),
 )
 
+_RCS_RADAR: _Rows = (
+    *_RADAR,
+    Attribute("fluctuation", "bool", True, "Fluctuation",
+        "Whether cross sections of vehicles and people change from tick to tick.", "fluctuation"),
+)
+
 _IMU: _Rows = (
     Attribute("noise_accel_stddev_x", "float", None, "x", "Noise that is added; none by default.",
         "noise_accel_stddev_x", unit="m/s²", ge=0),
@@ -291,6 +297,17 @@ RADAR = AttributeSet(
     "RadarAttributes",
     "A radar's: its cone, and how many rays it casts at random into it.",
     _RADAR,
+)
+RCS_RADAR = AttributeSet(
+    "RcsRadarAttributes",
+    "Those of a radar, and whether its radar cross sections fluctuate.",
+    _RCS_RADAR,
+)
+RAY_FLASH_LIDAR = AttributeSet(
+    "RayFlashLidarAttributes",
+    "Those of a flash LiDAR that is made of pictures; rays need no `oversampling`.",
+    tuple(row for row in _FLASH if row.name != "oversampling"),
+    shape="flash rays",
 )
 IMU = AttributeSet("ImuAttributes", "An inertial measurement unit's: its noise.", _IMU)
 GNSS = AttributeSet("GnssAttributes", "A satellite receiver's: its noise.", _GNSS)

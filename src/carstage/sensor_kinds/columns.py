@@ -72,3 +72,13 @@ class Detection(IntEnum):
     AZIMUTH = 1
     ALTITUDE = 2
     DEPTH = 3
+
+
+class RcsDetection(IntEnum):
+    """Columns of the detections of a radar with cross sections, after those of :class:`Detection`.
+
+    ``RCS`` is in dBsm, ``TAG`` a semantic tag in CARLA's numbers since 0.9.14.
+    """
+
+    RCS = 4
+    TAG = 5

@@ -72,8 +72,8 @@ class AttributeSet:
         name: of the section in the configuration's schema.
         sentence: what the section is.
         shape: what else belongs to it: ``camera`` (a picture's size), ``sweep`` (turns and rays
-            that follow the frame rate), ``flash`` (the depth picture that beams are made from) or
-            ``plain``.
+            that follow the frame rate), ``flash`` (the depth picture that beams are made from),
+            ``flash rays`` (beams as the embedded simulator casts them) or ``plain``.
     """
 
     name: str

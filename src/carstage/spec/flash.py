@@ -13,6 +13,7 @@ RETURNS = (FIRST, STRONGEST, LAST, DUAL, ALL)
 MOST_BEAMS = 1024
 """Columns, and rows."""
 MOST_SAMPLES = 9
+MOST_RAYS = 4_000_000
 
 
 @dataclass(frozen=True)

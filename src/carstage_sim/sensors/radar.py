@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.maps.town import Town
 from carstage_sim.render.cast import NOTHING
+from carstage_sim.render.caster import Hits
 from carstage_sim.sensors.attributes import number, require, whole, within
 from carstage_sim.sensors.measurements import Detection, RadarFrame, SensorRequest
 from carstage_sim.sensors.noise import noise_stream
@@ -23,9 +25,25 @@ _MOST_RAYS_PER_FRAME = 8_000_000
 Vector = NDArray[np.float64]
 
 
-@SensorRegistry.register("sensor.other.radar")
-class Radar(MeasuringSensor):
-    """A radar that looks along its x axis.
+class Detected(NamedTuple):
+    """Rays of one tick that met something.
+
+    Attributes:
+        detections: ``(N, 4)`` float32, see :class:`RadarFrame`.
+        local: ``(N, 3)`` float64 directions in the sensor's frame, 1 along its axis.
+        rays: how many were sent.
+        hits: what all the rays met, with ``met`` the ``(rays,)`` mask of those here.
+    """
+
+    detections: NDArray[np.float32]
+    local: Vector
+    rays: int
+    hits: Hits
+    met: NDArray[np.bool_]
+
+
+class ConeOfRays(MeasuringSensor):
+    """What radars share: random rays in a cone along the x axis, and how fast each hit recedes.
 
     Its own velocity is the way since the last tick over its duration. CARLA does not see the ticks
     that ``sensor_tick`` leaves out and overstates it there; here it is right in every frame. Before
@@ -67,11 +85,14 @@ class Radar(MeasuringSensor):
             [np.ones(count), across * radius * np.cos(angle), up * radius * np.sin(angle)], axis=-1
         )
 
-    def measure(self, state: WorldState, request: SensorRequest, view: View) -> RadarFrame:
+    def detect(
+        self, state: WorldState, request: SensorRequest, view: View, random: np.random.Generator
+    ) -> Detected:
         """The rays that met something; each reaches as far as the plane at ``range``."""
         own_velocity = self._velocity(state, request)
         self.observe(state, request)
-        local = self.rays(noise_stream(self.seed, request, state), state.delta_s)
+        local = self.rays(random, state.delta_s)
+        count = len(local)
         directions = turned(local, request.rotation_deg)
         hits = view.rays(request.location, directions, high=self.range_m, owner_id=request.owner_id)
         met = hits.row != NOTHING
@@ -84,7 +105,7 @@ class Radar(MeasuringSensor):
         detections[:, Detection.AZIMUTH] = np.arctan2(local[:, 1], local[:, 0])
         detections[:, Detection.ALTITUDE] = np.arcsin(local[:, 2] / length)
         detections[:, Detection.DEPTH] = hits.t[met] * length
-        return RadarFrame(detections)
+        return Detected(detections, local, count, hits, met)
 
     def _velocity(self, state: WorldState, request: SensorRequest) -> Vector:
         if self._before is not None and state.delta_s > 0.0:
@@ -93,6 +114,16 @@ class Radar(MeasuringSensor):
                 return velocity
         carried: Vector = actor_velocities(state, np.array([request.sensor_id]))[0]
         return carried
+
+
+@SensorRegistry.register("sensor.other.radar")
+class Radar(ConeOfRays):
+    """CARLA's radar."""
+
+    def measure(self, state: WorldState, request: SensorRequest, view: View) -> RadarFrame:
+        """The rays that met something."""
+        random = noise_stream(self.seed, request, state)
+        return RadarFrame(self.detect(state, request, view, random).detections)
 
 
 def actor_velocities(state: WorldState, actor_ids: NDArray[np.integer]) -> Vector:

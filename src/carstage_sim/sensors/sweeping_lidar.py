@@ -54,10 +54,11 @@ class SweepMotion:
     @classmethod
     def between(cls, before: Moment, now: Moment, span_s: float) -> SweepMotion:
         """From pose to pose; none where the sensor was put elsewhere."""
-        turned = before.rotation.T @ now.rotation
-        trace = 1.0 + float(np.trace(turned))
-        velocity = (now.location - before.location) @ now.rotation / span_s
-        if trace < _HALF_TURN or float(np.linalg.norm(velocity)) > _JUMP_M_S:
+        turned = _in_axes(before.rotation, now.rotation)
+        trace = 1.0 + float(turned[0, 0] + turned[1, 1] + turned[2, 2])
+        way = (now.location - before.location)[:, None]
+        velocity = _in_axes(way, now.rotation)[0] / span_s
+        if trace < _HALF_TURN or float(np.sqrt((velocity**2).sum())) > _JUMP_M_S:
             return cls(np.zeros(3), np.zeros(3))
         across = np.array([turned[2, 1], turned[0, 2], turned[1, 0]])
         gibbs = (across - [turned[1, 2], turned[2, 0], turned[0, 1]]) / trace
@@ -153,6 +154,12 @@ def _backwards(now: Moment, sensor_id: int, span_s: float) -> Moment:
     state = now.state
     velocity = actor_velocities(state, np.array([sensor_id]))[0]
     return Moment(now.location - velocity * span_s, now.rotation, state)
+
+
+def _in_axes(columns: Vector, rotation: Vector) -> Vector:
+    """``(N, 3)`` of ``(3, N)`` vectors in a rotation's axes; sums written out, as below."""
+    parts = columns[:, :, None] * rotation[:, None, :]
+    return np.asarray(parts[0] + parts[1] + parts[2])
 
 
 def _in_world(vectors: Vector, rotation: Vector) -> Vector:

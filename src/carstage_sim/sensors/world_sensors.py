@@ -25,6 +25,7 @@ from carstage_sim.sensors import (  # noqa: F401 - they register themselves
     cosmos,
     dvs,
     events,
+    flash_lidar,
     flow,
     gbuffers,
     lidar,
@@ -32,6 +33,7 @@ from carstage_sim.sensors import (  # noqa: F401 - they register themselves
     obstacle,
     occupancy,
     radar,
+    rcs_radar,
     sweeping_lidar,
     v2x,
 )

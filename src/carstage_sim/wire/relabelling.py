@@ -38,6 +38,7 @@ _TAGGED: Mapping[str, _Relabel] = {
     "sensor.camera.semantic_segmentation": _image,
     "sensor.camera.instance_segmentation": _image,
     "sensor.lidar.ray_cast_semantic": _points,
+    "sensor.lidar.ray_cast_flash": _points,
     "sensor.other.occupancy": _points,
 }
 

@@ -68,15 +68,38 @@ def patch(target: str, distance_m: float, name: str = "patch0") -> PatchSpec:
     return PatchSpec(name, target, picture, 0.6, (0.5, 0.5), "", distance_m, "right")
 
 
-def scene(town: Any, others: list[Actor], walkers: list[Actor]) -> tuple[Any, Population, Any]:
+def parked_at(transform: Any) -> Any:
+    """A car of the level, whose box is in world coordinates."""
+    box = carla.BoundingBox(transform.location, carla.Vector3D(*CAR))
+    box.rotation = transform.rotation
+    return SimpleNamespace(bounding_box=box)
+
+
+class Level(SimpleNamespace):
+    """A world with cars that are no actors."""
+
+    def get_environment_objects(self, label: Any) -> list[Any]:
+        return self.parked if label == carla.CityObjectLabel.Car else []
+
+
+def scene(
+    town: Any, others: list[Actor], walkers: list[Actor], parked: list[Any] | None = None
+) -> tuple[Any, Population, Any]:
     start = start_of(town)
     ego = Actor(1, start.transform, CAR)
     people: Any = [SimpleNamespace(actor=walker) for walker in walkers]
-    return SimpleNamespace(map=town), Population(ego, [*others], people, {}, {}), start
+    session = SimpleNamespace(map=town, world=Level(parked=parked or []))
+    return session, Population(ego, [*others], people, {}, {}), start
 
 
-def put(town: Any, patches: list[PatchSpec], others: list[Actor], walkers: list[Actor]) -> Any:
-    session, population, start = scene(town, others, walkers)
+def put(
+    town: Any,
+    patches: list[PatchSpec],
+    others: list[Actor],
+    walkers: list[Actor],
+    parked: list[Any] | None = None,
+) -> Any:
+    session, population, start = scene(town, others, walkers, parked)
     return place_carriers(session, SimpleNamespace(patches=patches), population), start  # type: ignore[arg-type]
 
 
@@ -110,6 +133,28 @@ def test_a_lorry_s_rear_is_put_ahead_of_the_ego(town: Any) -> None:
     rear_m = away.x * forward.x + away.y * forward.y - LORRY[0]
     assert rear_m == pytest.approx(15.0, abs=1.0)
     assert car.get_location().x == 900.0
+
+
+def test_a_lorry_is_put_into_no_parked_car_of_the_level(town: Any) -> None:
+    """One beside the lane is no hindrance, one in the way is."""
+    start = start_of(town)
+    wanted = start.next(15.0 + LORRY[0])[0].transform
+    right = wanted.get_right_vector()
+    for across_m, hinders in ((1.0, True), (3.0, False)):
+        middle = carla.Location(
+            wanted.location.x + across_m * right.x, wanted.location.y + across_m * right.y, 0.0
+        )
+        parked = parked_at(carla.Transform(middle, wanted.rotation))
+        lorry = Actor(2, far(), LORRY)
+        carriers, _ = put(town, [patch(VEHICLE_REAR, 15.0)], [lorry], [], [parked])
+        assert carriers == {"patch0": lorry}
+        moved_m = lorry.get_location().distance(wanted.location)
+        assert (moved_m > 1.0) is hinders
+        away = lorry.get_location() - middle
+        ahead, side = (
+            abs(away.x * axis.x + away.y * axis.y) for axis in (wanted.get_forward_vector(), right)
+        )
+        assert ahead > LORRY[0] + CAR[0] or side > LORRY[1] + CAR[1]
 
 
 def test_nobody_is_put_where_somebody_is_or_behind_another(town: Any) -> None:

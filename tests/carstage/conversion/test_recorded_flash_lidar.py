@@ -14,6 +14,7 @@ import carstage
 from analytic_dataset import attempt_of, recommit
 from carstage.dataset import Dataset, Episode
 from carstage.exporters import ExportOptions, export_dataset
+from carstage.geometry.flash_beams import beam_directions
 from carstage.validation import validate_dataset
 from mcap_reading import foxglove_messages
 
@@ -41,6 +42,8 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "rig": {"sensors": [
             sensor("RGB", "rgb", image_size=[320, 180]),
             sensor("LINES", **LINES), sensor("WIDE", **WIDE), sensor("AROUND", **AROUND),
+            sensor("RAYS", "ray_flash_lidar", **LINES),
+            sensor("WIDE_RAYS", "ray_flash_lidar", **WIDE),
             sensor("DEPTH", "depth", image_size=[1200, 400], fov_deg=70.0),
         ]},
         "labels": {"birds_eye": {}},
@@ -82,7 +85,7 @@ def test_what_the_dataset_promises_of_it_holds(dataset: Path) -> None:
 def test_its_points_are_counted_in_boxes_and_it_is_calibrated(episode: Episode) -> None:
     counted = [row["num_lidar_points"] for row in episode.objects().to_pylist()]
     names = {name for counts in counted for name, _ in counts or ()}
-    assert names == {"LINES", "WIDE", "AROUND"}
+    assert names == {"LINES", "WIDE", "AROUND", "RAYS", "WIDE_RAYS"}
     assert any(count > 5 for counts in counted for name, count in counts or () if name == "LINES")
     flash = episode.sensor("LINES").calibration.flash
     assert flash is not None
@@ -90,6 +93,33 @@ def test_its_points_are_counted_in_boxes_and_it_is_calibrated(episode: Episode) 
     entry = episode.sensor("AROUND").calibration
     assert not entry.is_camera
     assert entry.blueprint == "sensor.camera.depth"
+
+
+def by_beam(episode: Episode, name: str, column: int | None = None) -> NDArray[np.float64]:
+    """Of each beam the range, or a column, of its first point; NaN without one."""
+    sensor = episode.sensor(name)
+    flash = sensor.calibration.flash
+    assert flash is not None
+    points = sensor.read(0).astype(np.float64)
+    ranges = np.linalg.norm(points[:, :3], axis=1)
+    cosines = (points[:, :3] / ranges[:, None]) @ beam_directions(flash).T
+    beams, first = np.unique(cosines.argmax(axis=1), return_index=True)
+    values = np.full(flash.beams, np.nan)
+    values[beams] = (ranges if column is None else points[:, column])[first]
+    return values
+
+
+def test_rays_and_depth_pictures_measure_the_same_beams(episode: Episode) -> None:
+    """Leaves and edges differ: there a pixel and a line may meet different things."""
+    pictures, rays = (by_beam(episode, name) for name in ("LINES", "RAYS"))
+    both = ~np.isnan(pictures) & ~np.isnan(rays)
+    assert both.sum() > 1000
+    assert (np.abs(pictures - rays)[both] <= 0.01).mean() > 0.8
+    assert np.median(np.abs(pictures - rays)[both]) < 0.002
+    intensities = [by_beam(episode, name, 3)[both] for name in ("LINES", "RAYS")]
+    assert np.median(np.abs(intensities[0] - intensities[1])) < 0.01
+    wide = [len(episode.sensor(name).read(0)) for name in ("WIDE", "WIDE_RAYS")]
+    assert wide[1] == pytest.approx(wide[0], rel=0.1)
 
 
 def test_all_around_has_points_on_every_side(episode: Episode) -> None:

@@ -20,7 +20,9 @@ from analytic_dataset import (
     give_vector_map,
     make_dataset,
 )
+from carstage.dataset import Episode
 from carstage.exporters import export_dataset
+from carstage.exporters.formats.map_123d import _groups, _left_to_right
 from carstage.vector_map import VectorMap, vector_map
 from carstage.vector_map.model import DRIVEN_TYPES
 from carstage_sim.maps.writer import PLANS, opendrive_of
@@ -166,6 +168,40 @@ def test_another_map_of_the_same_name_lies_with_its_log(text: str, tmp_path: Pat
     assert lanes[first.parent.name] > 50
     assert lanes[other.parent.name] == len(vector_map(road).lanes) > 0
     assert [one.parent.name for one in out.rglob("map.arrow")] == [other.parent.name]
+
+
+def test_a_town_s_map_is_read_once_for_all_its_episodes(
+    text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dataset = tmp_path / "in"
+    make_dataset(dataset, tmp_path, size=SIZE, steps=2)
+    add_vector_map(dataset, text)
+    first = attempt_of(dataset)
+    add_episode(dataset, tmp_path, "fedcba9876543210", 2)
+    (other,) = (one for one in dataset.glob("episodes/*/*") if one != first)
+    give_vector_map(dataset, other, text)
+    read, calls = Episode.vector_map, []
+    monkeypatch.setattr(Episode, "vector_map", lambda own: (calls.append(own.id), read(own))[1])
+    export_dataset("123d", dataset, tmp_path / "out", workers=0)
+    assert len(calls) == 1
+    builder = ArrowSceneBuilder(tmp_path / "out/logs", tmp_path / "out/maps")
+    for scene in builder.get_scenes(SceneFilter(), SequentialExecutor()):
+        assert len(objects(scene.get_map_api(), MapLayer.LANE)) > 50
+
+
+def test_lanes_of_a_group_go_from_left_to_right_in_whatever_order_they_come(
+    town: VectorMap,
+) -> None:
+    met = 0
+    for group in _groups([lane for lane in town.lanes if lane.type in DRIVEN_TYPES]):
+        ordered = _left_to_right(group)
+        assert ordered == _left_to_right(group[::-1])
+        for left, right in pairwise(ordered):
+            along = left.centre_line[1] - left.centre_line[0]
+            across = right.centre_line[0] - left.centre_line[0]
+            assert along[0] * across[1] - along[1] * across[0] > 0.0  # y is to the right
+            met += 1
+    assert met > 5
 
 
 def test_a_log_without_a_vector_map_has_none(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from dataclasses import astuple, fields, replace
 from typing import get_args
 
@@ -415,9 +416,20 @@ def test_exact_voxels_need_more_disk_while_they_are_recorded() -> None:
     assert 1.5e6 < (raw[1] - raw[0]) / 50 < 4e6
 
 
-def test_a_sweeping_lidar_is_refused_by_name_where_the_server_has_none() -> None:
-    rig = "{rig: {sensors: [{id: S, kind: sweeping_lidar}]}}"
-    with pytest.raises(ConfigError, match=r"sensors\[0\]\.kind: this server has no sensor\.lidar"):
+@pytest.mark.parametrize(
+    ("kind", "blueprint"),
+    [
+        ("sweeping_lidar", "lidar.ray_cast_sweeping"),
+        ("rcs_radar", "other.radar_rcs"),
+        ("ray_flash_lidar", "lidar.ray_cast_flash"),
+    ],
+)
+def test_a_sensor_of_the_simulators_own_is_refused_by_name_elsewhere(
+    kind: str, blueprint: str
+) -> None:
+    rig = f"{{rig: {{sensors: [{{id: S, kind: {kind}}}]}}}}"
+    refused = rf"sensors\[0\]\.kind: this server has no sensor\.{re.escape(blueprint)}"
+    with pytest.raises(ConfigError, match=refused):
         plan(rig, FACTS)
 
 

@@ -47,6 +47,8 @@ def rig():
         request("other.gnss", 22),
         request("lidar.ray_cast_semantic", 23, **_LIDAR),
         request("other.radar", 24),
+        request("other.radar_rcs", 26),
+        request("lidar.ray_cast_flash", 27),
         request("other.obstacle", 25, distance=30.0),
     ]
     return cameras + others
@@ -88,6 +90,7 @@ def test_all_kinds_are_answered_in_the_order_of_the_requests(sensors):
         "sensor.camera.rgb",
         "sensor.camera.semantic_segmentation",
         "sensor.lidar.ray_cast",
+        "sensor.lidar.ray_cast_flash",
         "sensor.lidar.ray_cast_semantic",
         "sensor.lidar.ray_cast_sweeping",
         "sensor.other.collision",
@@ -97,6 +100,7 @@ def test_all_kinds_are_answered_in_the_order_of_the_requests(sensors):
         "sensor.other.obstacle",
         "sensor.other.occupancy",
         "sensor.other.radar",
+        "sensor.other.radar_rcs",
         "sensor.other.v2x",
         "sensor.other.v2x_custom",
     )

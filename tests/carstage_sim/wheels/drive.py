@@ -37,6 +37,8 @@ SENSORS = (
     "sensor.other.gnss",
     "sensor.lidar.ray_cast_sweeping",  # the simulator's own
     "sensor.other.occupancy",  # likewise
+    "sensor.other.radar_rcs",  # likewise
+    "sensor.lidar.ray_cast_flash",  # likewise
 )
 """What delivers data in every frame."""
 

@@ -34,10 +34,12 @@ _KINDS = {
     "sensor.lidar.ray_cast": "LidarMeasurement",
     "sensor.lidar.ray_cast_semantic": "SemanticLidarMeasurement",
     "sensor.lidar.ray_cast_sweeping": "SemanticLidarMeasurement",
+    "sensor.lidar.ray_cast_flash": "SemanticLidarMeasurement",
     "sensor.other.radar": "RadarMeasurement",
     "sensor.other.imu": "IMUMeasurement",
     "sensor.other.gnss": "GnssMeasurement",
     "sensor.other.occupancy": "SemanticLidarMeasurement",
+    "sensor.other.radar_rcs": "SemanticLidarMeasurement",
 }
 
 

@@ -66,6 +66,25 @@ def test_riders_on_riders_follow_the_first_parent(world: World, stage01: Town) -
     np.testing.assert_allclose(found.rotation_deg, expected.rotation_deg, atol=1e-6)
 
 
+def test_what_a_car_carries_does_not_push_it(world: World, stage01: Town) -> None:
+    """A board follows a tick later: a car that brakes, or drives back, would run into it."""
+    places = []
+    for carries in (False, True):
+        car = world.spawn(CAR, {}, place(stage01)).actor_id
+        boards = []
+        if carries:
+            for ahead_m in (-2.45, 2.45):
+                mount = Pose((ahead_m, 0.0, 0.7))
+                boards.append(world.spawn("static.prop.ironplank", {}, mount, parent_id=car))
+        for throttle, brake in ((1.0, 0.0), (0.0, 1.0)):
+            world.control_vehicle(car, VehicleControl(throttle=throttle, brake=brake))
+            ticks(world, 30)
+        places.append(world.actors.pose(car).location)
+        for one in [*boards, world.live(car)]:
+            world.destroy(one.actor_id)
+    np.testing.assert_allclose(places[1], places[0], atol=1e-9)
+
+
 def test_what_rode_on_a_destroyed_actor_stays_where_it_was(world: World, stage01: Town) -> None:
     car = world.spawn(CAR, {}, place(stage01)).actor_id
     for kind in (Attachment(), ARM, GHOST, Attachment(socket="Wheel_Front_Left")):

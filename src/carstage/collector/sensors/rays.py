@@ -40,6 +40,15 @@ class SweepingLidar(Lidar):
         return super().expected_bytes(attributes, fps) + self.datum_bytes
 
 
+class FlashRays(Lidar):
+    """Rays of a flash LiDAR, which the client takes for a LiDAR with a channel for each beam."""
+
+    def expected_bytes(self, attributes: Attributes, fps: float) -> int:
+        """Every ray hits."""
+        rays = int(attributes["columns"]) * int(attributes["rows"])
+        return rays * int(attributes["samples"]) ** 2 * self.datum_bytes
+
+
 class Occupancy(Lidar):
     """Occupied voxels, which the client takes for points of a LiDAR with one channel."""
 

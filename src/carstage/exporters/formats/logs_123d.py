@@ -93,15 +93,14 @@ class Logs123d(Exporter):
         in its own folder, where py123d looks first.
         """
         file = episode.vector_map_file
-        found = episode.vector_map()
-        if file is None or found is None:
+        if file is None:
             return None
         about = map_metadata(DATASET, town, FORMAT)
         path = self._folder / "maps" / DATASET / f"{DATASET}_{town}.arrow"
         if self._towns.setdefault(town, file.name) != file.name:
             path = place / "map.arrow"
             about |= {"split": split, "log_name": episode.id, "map_is_per_log": True}
-        if not path.exists():
+        if not path.exists() and (found := episode.vector_map()) is not None:
             path.parent.mkdir(parents=True, exist_ok=True)
             write_map(found, path, about)
         return about

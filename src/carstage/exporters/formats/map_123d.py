@@ -187,15 +187,9 @@ def _groups(lanes: Sequence[Lane]) -> Iterator[list[Lane]]:
 
 
 def _left_to_right(group: Sequence[Lane]) -> list[Lane]:
-    """The lanes of a group by how far to the left of the first one they begin."""
-    first = group[0].centre_line * _ENU
-    along = first[1] - first[0]
-    left = np.array([-along[1], along[0]])
-
-    def to_the_left(lane: Lane) -> float:
-        return float(((lane.centre_line * _ENU)[0, :2] - first[0, :2]) @ left)
-
-    return sorted(group, key=to_the_left, reverse=True)
+    """The lanes of a group as those see them who drive there: OpenDRIVE counts up to the left."""
+    against = group[0].direction == "backward"
+    return sorted(group, key=lambda lane: lane.lane, reverse=not against)
 
 
 def _outline(lanes: Sequence[Lane]) -> FloatArray:

@@ -184,16 +184,17 @@ def _tagged_points(frame: Frame, lidar: str) -> Iterator[Record]:
 def _detections(frame: Frame, radar: str) -> Iterator[Record]:
     found = frame.read(radar)
     names = tuple(column.name for column in sensor_kind("radar").columns)
-    if _names(frame, radar, found.shape[1]) != names:
-        yield Cloud(radar, _structured(found, _names(frame, radar, found.shape[1])))
+    own = _names(frame, radar, found.shape[1])
+    if own[: len(names)] != names:
+        yield Cloud(radar, _structured(found, own))
         return
     places, _ = radar_points(found)
     columns = [
         found[:, Detection.RANGE_RATE], -found[:, Detection.AZIMUTH],
         found[:, Detection.ALTITUDE], found[:, Detection.DEPTH],
     ]  # fmt: skip
-    rows = np.column_stack([places, *columns])
-    yield Cloud(radar, _structured(rows, RADAR_POINT.names or ()))
+    rows = np.column_stack([places, *columns, found[:, len(names) :]])
+    yield Cloud(radar, _structured(rows, (*(RADAR_POINT.names or ()), *own[len(names) :])))
 
 
 def _reading(frame: Frame, sensor: str) -> Iterator[Record]:

@@ -41,7 +41,7 @@ from carstage.exporters.labels import boxed_objects, lidar_points
 from carstage.exporters.options import ExportOptions
 from carstage.exporters.rigs import colour_cameras
 from carstage.geometry import FloatArray, pose_matrix
-from carstage.sensor_kinds.columns import Point
+from carstage.sensor_kinds.columns import Point, RcsDetection
 from carstage.sensor_kinds.model import COLOUR, DETECTIONS, POINTS
 
 EGO: Final = "ego_state_se3"
@@ -288,10 +288,13 @@ def _lidar_row(frame: Frame, lidar: str) -> dict[str, Any]:
 
 def _radar_row(frame: Frame, radar: str) -> dict[str, Any]:
     """Velocities are those along the rays, relative to the radar."""
-    places, velocities = radar_points(frame.read(radar))
+    found = frame.read(radar)
+    places, velocities = radar_points(found)
     rotation = flu_pose(frame.ego_from_sensor(radar))[:3, :3]
     turned = (velocities @ rotation.T).astype(np.float32)
     columns = {"velocity_x": turned[:, 0], "velocity_y": turned[:, 1]}
+    if found.shape[1] > RcsDetection.RCS:
+        columns["rcs"] = found[:, RcsDetection.RCS].astype(np.float32)
     return {"data": _cloud(frame, radar, places, columns)}
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from carstage.exporters.axes import nuscenes_lidar_points, radar_points
 from carstage.exporters.road_cells import CELL_M
+from carstage.sensor_kinds.columns import RcsDetection
 
 METRES_PER_PX: Final = 0.1
 FOREGROUND: Final = 255
@@ -57,10 +58,11 @@ def lidar_file(
 
 
 def radar_file(detections: NDArray[np.float32], velocity_mps: NDArray[np.float64]) -> bytes:
-    """A ``.pcd`` with the 18 fields of nuScenes; RCS and deviations are not simulated: 0.
+    """A ``.pcd`` with the 18 fields of nuScenes; deviations are not simulated: 0.
 
     Args:
-        detections: ``(N, 4)`` range rate, azimuth, altitude, depth.
+        detections: ``(N, 4)`` range rate, azimuth, altitude, depth; a fifth column is the RCS
+            (dBsm), else it is 0.
         velocity_mps: ``(3,)`` the radar's own velocity in its forward-left-up axes.
     """
     places, velocities = radar_points(detections)
@@ -73,6 +75,8 @@ def radar_file(detections: NDArray[np.float32], velocity_mps: NDArray[np.float64
         rows["x"], rows["y"], rows["z"] = places.T
         rows["vx"], rows["vy"] = velocities[:, :2].T
         rows["vx_comp"], rows["vy_comp"] = compensated[:, :2].T
+        if detections.shape[1] > RcsDetection.RCS:
+            rows["rcs"] = detections[:, RcsDetection.RCS]
         rows["id"] = np.arange(len(places)) & 0x7FFF
         rows["is_quality_valid"], rows["ambig_state"] = 1, _UNAMBIGUOUS
         rows["dyn_prop"], rows["pdh0"] = _UNKNOWN_MOTION, _SURE

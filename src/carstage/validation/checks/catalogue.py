@@ -68,6 +68,7 @@ GROUPS: Final[dict[str, dict[str, str]]] = {
         "lidar_depth": "LiDAR and depth images see the same surfaces",
         "flash_beams": "points of flash LiDARs lie on their beams, within their range",
         "sweep_motion": "points of sweeping LiDARs are measured in their turn, motion is undone",
+        "radar_rcs": "radar cross sections are those that their model may give",
         "tags": "semantic and instance images of one pose show the same tags",
         "flow": "optical flow is what depth and the camera's motion make it",
         "rgb_edges": "colour images are steep where labels change",

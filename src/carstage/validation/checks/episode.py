@@ -79,6 +79,7 @@ from carstage.validation.checks.patch_pairs import PairFigures
 from carstage.validation.checks.patches import PatchChecks
 from carstage.validation.checks.pictures import PictureFigures, check_exposure, check_repeats
 from carstage.validation.checks.population import Population, check_episode_population
+from carstage.validation.checks.radars import check_cross_sections
 from carstage.validation.checks.ranging import (
     RangingFigures,
     check_intensity,
@@ -225,6 +226,7 @@ class EpisodeChecks:
         check_tracks(episode, tables, findings)
         check_sensor_poses(episode, tables, findings)
         check_readings(episode, tables, findings)
+        check_cross_sections(episode, findings)
         check_events(episode, ledger, tables, findings)
         check_controls(episode, ledger, tables, findings)
         self._poses = episode.world_from_sensor()

@@ -22,9 +22,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage.annotation.point_sensors import radar_detections
 from carstage.codecs import codec_for
 from carstage.codecs.codec import image_bgra
-from carstage.conversion.flash_lidar import flash_points
+from carstage.conversion.flash_lidar import BY_RAYS, flash_points, ray_points
 from carstage.conversion.tag_numbers import dataset_payload
 from carstage.files.locks import take_lock
 from carstage.files.whole import write_whole
@@ -117,9 +118,12 @@ def draw_sensor(
     width: int = _WIDTH,
     most_points: int = _MOST_POINTS,
 ) -> bytes:
-    """What :func:`draw_record` gives; of a flash LiDAR the points that its picture ahead holds."""
+    """As :func:`draw_record`; of a flash LiDAR points of its rays, or of its picture ahead."""
     if sensor.flash is None:
         return draw_record(sensor.kind, server, record, width, most_points)
+    if sensor.kind == BY_RAYS:
+        points = ray_points(sensor, record.meta, record.payload, record.tick)
+        return _thinned(points, most_points)
     ahead = image_bgra(record.meta, memoryview(record.payload))
     nothing_hit = np.full_like(ahead, 255)
     pictures = np.stack([ahead, *(nothing_hit for _ in sensor.streams[1:])])
@@ -144,7 +148,7 @@ def draw_record(
     """
     content = sensor_kind(kind).content
     if content == DETECTIONS:
-        return points_of(content, np.frombuffer(record.payload, "<f4").reshape(-1, 4)).tobytes()
+        return points_of(content, radar_detections(kind, record.payload)).tobytes()
     payload = memoryview(dataset_payload(kind, server, memoryview(record.payload)))
     data = codec_for(kind)[1].raw_array(record.meta, payload)
     if content in CLOUDS:

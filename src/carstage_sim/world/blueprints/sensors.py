@@ -106,6 +106,18 @@ _LIDAR: tuple[_Row, ...] = (
     ("noise_stddev", _F, "0.0"),
 )
 
+_FLASH: tuple[_Row, ...] = (
+    ("sensor_tick", _F, "0.0"),
+    ("columns", _I, "128"),
+    ("rows", _I, "32"),
+    ("horizontal_fov", _F, "60.0"),
+    ("vertical_fov", _F, "15.0"),
+    ("horizontal_divergence", _F, "0.0"),
+    ("vertical_divergence", _F, "0.0"),
+    ("samples", _I, "1"),
+    ("range", _F, "50.0"),
+)
+
 _RADAR: tuple[_Row, ...] = (
     ("sensor_tick", _F, "0.0"),
     ("horizontal_fov", _F, "30.0"),
@@ -199,7 +211,9 @@ _SENSORS: dict[str, tuple[_Row, ...]] = {
     "sensor.lidar.ray_cast": _LIDAR,
     "sensor.lidar.ray_cast_semantic": _SEMANTIC_LIDAR,
     "sensor.lidar.ray_cast_sweeping": _LIDAR,
+    "sensor.lidar.ray_cast_flash": _FLASH,
     "sensor.other.radar": _RADAR,
+    "sensor.other.radar_rcs": (*_RADAR, ("fluctuation", _B, "true")),
     "sensor.other.collision": (),
     "sensor.other.lane_invasion": (),
     "sensor.other.obstacle": _OBSTACLE,
@@ -212,7 +226,9 @@ _SENSORS: dict[str, tuple[_Row, ...]] = {
 
 _SENT_AS: dict[str, str] = {
     "sensor.lidar.ray_cast_sweeping": "sensor.lidar.ray_cast_semantic",
+    "sensor.lidar.ray_cast_flash": "sensor.lidar.ray_cast_semantic",
     "sensor.other.occupancy": "sensor.lidar.ray_cast_semantic",
+    "sensor.other.radar_rcs": "sensor.lidar.ray_cast_semantic",
 }
 """Sensors that CARLA has not: whose messages theirs are to a client."""
 

@@ -31,6 +31,7 @@ class Others:
         yaw_rad: ``(M,)``.
         velocity: ``(M, 2)`` m/s.
         inverse_mass: ``(M,)`` 1/kg; 0 for what cannot be pushed.
+        carrier: ``(M,)`` int64 id of the actor that each is attached to, 0 for none.
     """
 
     center: FloatArray
@@ -38,9 +39,13 @@ class Others:
     yaw_rad: FloatArray
     velocity: FloatArray
     inverse_mass: FloatArray
+    carrier: NDArray[np.int64]
 
 
-NOTHING = Others(np.zeros((0, 3)), np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)), np.zeros(0))
+NOTHING = Others(
+    np.zeros((0, 3)), np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)), np.zeros(0),
+    np.zeros(0, np.int64),
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +125,12 @@ class Crashes:
             )
             if contact.first < count
             and rows.collides[contact.first]
-            and (contact.second >= count or rows.collides[contact.second])
+            and (
+                # What a vehicle carries moves after it, and would push it in between.
+                others.carrier[contact.second - count] != rows.ids[contact.first]
+                if contact.second >= count
+                else rows.collides[contact.second]
+            )
         ]
         if self._obstacles is not None:
             moving = (rows.speed != 0.0) | (rows.slide != 0.0) | (rows.spin != 0.0)

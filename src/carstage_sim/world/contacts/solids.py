@@ -59,6 +59,7 @@ class Solids:
             yaw_rad=np.radians(table.rotation_deg[rows, Rotation.YAW]),
             velocity=velocity,
             inverse_mass=mass,
+            carrier=np.array([actor.parent_id for actor in self.actors], np.int64),
         )
 
     def pushed(self, table: ActorTable) -> tuple[list[Actor], NDArray[np.float64]]:

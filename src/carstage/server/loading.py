@@ -80,7 +80,7 @@ def _class_of(name: str, folders: Sequence[str]) -> Any:
     return cls
 
 
-def _with_explained_errors(cls: type[Server], name: str) -> type[Server]:
+def _with_explained_errors(cls: Any, name: str) -> Any:
     """The class, with what its methods raise and return checked; see :func:`load_server`."""
     methods = {
         method: _explained(getattr(cls, method), f"{name}.{method}()", types)

@@ -55,9 +55,10 @@ def slow_writer(disk: SlowDisk) -> type[StreamWriter]:
             timestamp_s: float,
             meta: Mapping[str, Any],
             payload: Buffer = b"",
+            waits: bool = False,
         ) -> None:
             disk.take(len(payload))
-            super().append(kind, tick, frame, timestamp_s, meta, payload)
+            super().append(kind, tick, frame, timestamp_s, meta, payload, waits)
 
     return SlowStreamWriter
 

@@ -2,6 +2,7 @@
 
 It makes its ego anew for each life. It ticks until somebody has attached a sensor, and while the
 streams of the sensors come up; then so many times as fast as it can. A JSON line tells how fast.
+Lines ``begin`` and ``end`` on standard error enclose these.
 """
 
 from __future__ import annotations
@@ -46,10 +47,12 @@ def main() -> None:
         streams_s = time.monotonic() + _STREAMS_S
         while time.monotonic() < streams_s:
             world.tick()
+        sys.stderr.write("begin\n")
         begin_s = time.perf_counter()
         for _ in range(ticks):
             frame = world.tick()
         ticks_per_s = ticks / (time.perf_counter() - begin_s)
+        sys.stderr.write("end\n")
         frames = {"first_frame": first_frame, "last_frame": frame}
         line = json.dumps({**frames, "ticks_per_s": ticks_per_s})
         sys.stdout.write(line + "\n")

@@ -9,8 +9,9 @@ from __future__ import annotations
 import logging
 import threading
 import time
+from collections import deque
 from queue import Empty, SimpleQueue
-from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Tuple
+from typing import Any, Callable, Deque, Dict, List, Mapping, NamedTuple, Optional, Tuple
 
 from carstage.collector.internals.errors import RecordingError, writing_failed
 from carstage.collector.internals.matching import (
@@ -147,6 +148,7 @@ class Pipeline:
         clock_s: monotonic time.
         pause_s: what comes is looked at so far apart, while there is room. Threads that wake for
             each datum take the processor from a world that does not wait for them.
+        on_start: called first in the matcher's thread.
     """
 
     def __init__(
@@ -161,8 +163,10 @@ class Pipeline:
         failures: Optional[List[BaseException]] = None,
         clock_s: Callable[[], float] = time.monotonic,
         pause_s: float = 0.0,
+        on_start: Callable[[], None] = lambda: None,
     ) -> None:
         self._pause_s = pause_s
+        self._on_start = on_start
         self._ended = threading.Event()
         self._sensors = sensors
         self._writers = writers
@@ -173,6 +177,7 @@ class Pipeline:
         self._strict = strict
         self._clock_s = clock_s
         self._inbox: SimpleQueue[Any] = SimpleQueue()
+        self._came: Deque[Any] = deque()
         self._state = threading.Condition()
         self._sparse = tuple(name for name, sensor in sensors.items() if sensor.kind.is_sparse)
         self._newest: Dict[str, int] = dict.fromkeys(sensors, -1)
@@ -352,6 +357,7 @@ class Pipeline:
 
     def _run(self) -> None:
         try:
+            self._on_start()
             while self._step():
                 if self._pause_s and self._inbox.empty() and self._budget.is_roomy:
                     self._ended.wait(self._pause_s)
@@ -359,31 +365,56 @@ class Pipeline:
             with self._state:
                 self._failures.append(error)
                 self._state.notify_all()
-            for item in iter(self._inbox.get, None):
-                if isinstance(item, _Datum):
-                    self._budget.give_back(item.size_bytes)
+            self._give_back_rest()
+
+    def _give_back_rest(self) -> None:
+        """Take what still comes, so that nobody waits for room, until the end."""
+        while True:
+            item = self._came.popleft() if self._came else self._inbox.get()
+            if item is None:
+                return
+            if isinstance(item, _Datum):
+                self._budget.give_back(item.size_bytes)
 
     def _step(self) -> bool:
-        matcher = self._matcher
-        deadline_s = matcher.next_deadline_s()
+        """Wait for something, then handle all that came; return whether more may come."""
+        deadline_s = self._matcher.next_deadline_s()
         try:
-            item = self._inbox.get(
+            first = self._inbox.get(
                 timeout=None if deadline_s is None else max(0.0, deadline_s - self._clock_s())
             )
         except Empty:
-            item = ()
+            self._pass_on(self._clock_s())
+            return True
         now_s = self._clock_s()
-        if item is None:
-            return False
-        if isinstance(item, _Datum):
-            offered = item.data if isinstance(item.data, LostData) else item
-            matcher.offer(item.sensor, item.frame, offered, now_s)
-            with self._state:
+        came = self._came
+        came.append(first)
+        came.extend(self._inbox.get_nowait() for _ in range(self._inbox.qsize()))
+        delivered = False
+        while came:
+            item = came.popleft()
+            if isinstance(item, _Datum):
+                offered = item.data if isinstance(item.data, LostData) else item
+                self._matcher.offer(item.sensor, item.frame, offered, now_s)
                 self._newest[item.sensor] = max(self._newest[item.sensor], item.frame)
+                delivered = True
+            elif isinstance(item, ExpectedFrame):
+                self._matcher.expect(item, now_s)
+            else:
+                self._pass_on(now_s)  # what came before it comes first
+                if item is None:
+                    return False
+                self._obey(item)
+        if delivered:
+            with self._state:
                 self._state.notify_all()
-        elif isinstance(item, ExpectedFrame):
-            matcher.expect(item, now_s)
-        elif isinstance(item, int):
+        self._pass_on(now_s)
+        return True
+
+    def _obey(self, item: Any) -> None:
+        """Do what the main thread asks for."""
+        matcher = self._matcher
+        if isinstance(item, int):
             matcher.begin(item)
         elif isinstance(item, _End):
             self._end(item.ticks)
@@ -401,6 +432,10 @@ class Pipeline:
                 self._state.notify_all()
         elif item is _FORGET_EARLY:
             matcher.forget_early()
+
+    def _pass_on(self, now_s: float) -> None:
+        """Give the writers what is whole, and the budget what is given up."""
+        matcher = self._matcher
         matcher.advance(now_s)
         for frame in matcher.take_joined():
             self._write_frame(frame)
@@ -411,7 +446,6 @@ class Pipeline:
         for datum in matcher.take_dropped():
             if not isinstance(datum, LostData):
                 self._budget.give_back(datum.size_bytes)
-        return True
 
     def _end(self, ticks: int) -> None:
         """Seal the last segment as far as its ticks are written already."""

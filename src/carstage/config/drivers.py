@@ -64,7 +64,7 @@ class ClassDriver(Section):
     folders: Names = setting(
         (".",),
         title="Folders",
-        description="Where its module, and what that imports, is looked for before the installed "
+        description="Where its module, and what that imports, is looked for after the installed "
         "packages; relative to the working directory.",
         group="ego",
     )

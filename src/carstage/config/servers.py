@@ -151,7 +151,7 @@ class ClassServerConfig(Section):
     folders: Names = setting(
         (".",),
         title="Folders",
-        description="Where its module, and its collector's, are looked for before the installed "
+        description="Where its module, and its collector's, are looked for after the installed "
         "packages; relative to the working directory.",
         group="server",
     )

@@ -27,8 +27,24 @@ class InterpreterError(CollectorError):
     """The interpreter that should run the collector cannot be started; another try ends alike."""
 
 
-def interpreter_command(python: str, module: str) -> list[str]:
-    """The command that runs a module of ``carstage`` with an interpreter, up to its arguments."""
+_WITH_FOLDERS = """
+import os, runpy, sys
+sys.path[:] = sys.path[1:] + sys.argv.pop(1).split(os.pathsep)
+runpy.run_module(sys.argv.pop(1), run_name="__main__", alter_sys=True)
+"""
+"""Runs a module as ``python -m`` does; arguments: folders to look in after all others, its name."""
+
+
+def interpreter_command(python: str, module: str, folders: Sequence[str] = ()) -> list[str]:
+    """The command that runs a module with an interpreter, up to its arguments.
+
+    Args:
+        python: the interpreter.
+        module: one of ``carstage``; with this Python, any.
+        folders: where this Python looks for modules last.
+    """
+    if folders:
+        return [python, "-c", _WITH_FOLDERS, os.pathsep.join(folders), module]
     if python == sys.executable:
         return [python, "-m", module]
     return [python, foreign_python.__file__, module]
@@ -48,7 +64,7 @@ class CollectorProcess:
         python: interpreter with the ``carla`` wheel that fits the server.
         module: what it runs; another one speaks the same way (measurements have such clients, and
             servers that are not CARLA).
-        folders: where Python looks for modules first.
+        folders: where Python looks for modules last.
 
     Raises:
         InterpreterError: on entering, where the interpreter cannot be started.
@@ -83,7 +99,7 @@ class CollectorProcess:
             try:
                 self._process = subprocess.Popen(
                     [
-                        *interpreter_command(self._python, self._module),
+                        *interpreter_command(self._python, self._module, self._folders),
                         str(self._plan_path),
                         "--exit-with-input",
                     ],
@@ -92,7 +108,7 @@ class CollectorProcess:
                     stderr=log,
                     start_new_session=True,
                     # Without one the client crashes, and it makes a folder there.
-                    env={**os.environ, **self._search_path(), "HOME": str(home_folder())},
+                    env={**os.environ, "HOME": str(home_folder())},
                 )
             except OSError as error:
                 # Only what is said of the file is the interpreter's fault: not a lack of memory.
@@ -122,13 +138,6 @@ class CollectorProcess:
                 if stream is not None:
                     with suppress(BrokenPipeError):
                         stream.close()
-
-    def _search_path(self) -> dict[str, str]:
-        """The variable that makes Python look into the folders."""
-        if not self._folders:
-            return {}
-        own = os.environ.get("PYTHONPATH")
-        return {"PYTHONPATH": os.pathsep.join([*self._folders, *([own] if own else [])])}
 
     @property
     def _started(self) -> subprocess.Popen[bytes]:

@@ -217,6 +217,11 @@ def unpack_record_header(data: Buffer, offset: int = 0) -> RecordHeader:
     )
 
 
+_CANONICAL_JSON = json.JSONEncoder(
+    sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False
+)
+
+
 def encode_meta(meta: Mapping[str, Any]) -> bytes:
     """Encode a record's meta as canonical JSON, padded with spaces to a multiple of 8 bytes.
 
@@ -228,9 +233,7 @@ def encode_meta(meta: Mapping[str, Any]) -> bytes:
     """
     if not meta:
         return b""
-    text = json.dumps(
-        meta, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False
-    ).encode("utf-8")
+    text = _CANONICAL_JSON.encode(meta).encode("utf-8")
     return text.ljust(padded(len(text)), b" ")
 
 

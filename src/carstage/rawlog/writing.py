@@ -11,7 +11,7 @@ import errno
 import json
 import os
 import zlib
-from typing import Any, List, Mapping, Optional, Union
+from typing import Any, List, Mapping, Optional, Sequence, Union
 
 from carstage.rawlog.format import (
     BLOCKS_SUFFIX,
@@ -43,6 +43,10 @@ _PAYLOAD_FILES = {
     MMAP: (PAYLOAD_SUFFIX, FLAG_PAYLOAD_MAPPED),
     BLOCKS: (BLOCKS_SUFFIX, FLAG_PAYLOAD_BLOCKS),
 }
+
+
+MOST_WAITING = 256
+"""Parts of records that are written at once; the kernel takes up to 1024."""
 
 
 class SegmentWriter:
@@ -94,6 +98,7 @@ class SegmentWriter:
         self._payloads: Union[MappedPayloads, BlockPayloads, None] = None
         self._sequence = 0
         self._size = 0
+        self._waiting: List[Buffer] = []
         if store == BLOCKS:
             self._fd, used = open_free(self.open_path)
         else:
@@ -112,7 +117,7 @@ class SegmentWriter:
     @property
     def size(self) -> int:
         """Bytes written so far, header included."""
-        return self._size
+        return self._size + sum(map(len, self._waiting))
 
     @property
     def records(self) -> int:
@@ -127,8 +132,9 @@ class SegmentWriter:
         timestamp_s: float,
         meta: Mapping[str, Any],
         payload: Buffer = b"",
+        waits: bool = False,
     ) -> None:
-        """Write one record in one system call, after its payload if that has a file of its own.
+        """Write one record, after its payload if that has a file of its own.
 
         Args:
             kind: ``KIND_DATA`` or ``KIND_TABLE``.
@@ -136,7 +142,8 @@ class SegmentWriter:
             frame: the server's frame number.
             timestamp_s: the server's simulated time, s.
             meta: JSON object.
-            payload: any contiguous buffer.
+            payload: any contiguous buffer; it must stay as it is until it is written.
+            waits: it may be written with a later record, in one system call, or by :meth:`flush`.
 
         Raises:
             OSError: whatever the file system says; the record then is a torn tail.
@@ -157,8 +164,20 @@ class SegmentWriter:
         )
         inline = view if slot is None else memoryview(b"")
         padding = header.record_bytes - HEADER_BYTES - header.meta_bytes - inline.nbytes
-        self._write([pack_record_header(header), meta_bytes, inline, b"\0" * padding])
+        self._waiting += (pack_record_header(header), meta_bytes, inline, b"\0" * padding)
         self._sequence += 1
+        if not waits or len(self._waiting) > MOST_WAITING:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write the records that wait.
+
+        Raises:
+            OSError: as for :meth:`append`.
+        """
+        if self._waiting:
+            parts, self._waiting = self._waiting, []
+            self._write(parts)
 
     def _put(self, payload: memoryview) -> Optional[int]:
         """Put a payload into the payload file; its slot, or ``None`` where it does not go there."""
@@ -174,6 +193,7 @@ class SegmentWriter:
 
     def seal(self, first_tick: int, last_tick: int) -> SealedSegment:
         """Append the seal record, bring all to the disk, give the file its final name."""
+        self.flush()
         sealed = SealedSegment(
             self.stream, self.index, self.path, first_tick, last_tick, self._sequence, self._size
         )
@@ -217,16 +237,21 @@ class SegmentWriter:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _write(self, parts: List[Buffer]) -> None:
+    def _write(self, parts: Sequence[Buffer]) -> None:
+        written = os.pwritev(self._fd, parts, self._size)
+        self._size += written
+        if written == sum(map(len, parts)):
+            return
+        # A signal or a nearly full disk may cut a write short: go on where it stopped.
         buffers = [memoryview(part) for part in parts if len(part)]
-        while buffers:
-            written = os.pwritev(self._fd, buffers, self._size)
-            self._size += written
-            # A signal or a nearly full disk may cut a write short: go on where it stopped.
+        while True:
             while buffers and written >= buffers[0].nbytes:
                 written -= buffers.pop(0).nbytes
-            if buffers and written:
-                buffers[0] = buffers[0][written:]
+            if not buffers:
+                return
+            buffers[0] = buffers[0][written:]
+            written = os.pwritev(self._fd, buffers, self._size)
+            self._size += written
 
 
 class StreamWriter:
@@ -276,6 +301,7 @@ class StreamWriter:
         timestamp_s: float,
         meta: Mapping[str, Any],
         payload: Buffer = b"",
+        waits: bool = False,
     ) -> None:
         """Write one record into the segment of its tick; see :meth:`SegmentWriter.append`.
 
@@ -289,7 +315,12 @@ class StreamWriter:
                 "stream %s: tick %d belongs to segment %d, but segment %d is being written"
                 % (self.stream, tick, index, self._next_index)
             )
-        self._open().append(kind, tick, frame, timestamp_s, meta, payload)
+        self._open().append(kind, tick, frame, timestamp_s, meta, payload, waits)
+
+    def flush(self) -> None:
+        """Write the records that wait."""
+        if self._segment is not None:
+            self._segment.flush()
 
     def seal(self, last_tick: int) -> SealedSegment:
         """Seal the segment being written; one without records becomes an empty sealed segment.

@@ -12,14 +12,15 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from carstage.config import Config
-from carstage.errors import CarStageError, CollectorError, RawLogError, ServerError
+from carstage.config.servers import ClassServerConfig
+from carstage.errors import BadInputError, CarStageError, CollectorError, RawLogError, ServerError
 from carstage.execution import CollectorProcess
 from carstage.releases import NEWEST, is_newer
 from carstage.runs.interruption import GIVE_BACK_S, Interruption
 from carstage.runs.preflight import check_server
-from carstage.runs.servers import ServerSetup
+from carstage.runs.servers import ServerSetup, make_server
 from carstage.selftest import Verdict, failed_verdict, plan_self_test
-from carstage.server import ClientPython, Endpoint
+from carstage.server import ClientPython, Endpoint, Server
 from carstage.server.asking import ask_server, ask_spawn_points
 from carstage.spec import EpisodeSpec
 
@@ -88,11 +89,14 @@ def examine_server(config: Config, notify: Callable[[str], None]) -> Verdict:
         notify: called with a sentence on what takes long.
 
     Raises:
-        BadInputError: the server is too old, cannot be, or there is no client for it.
+        BadInputError: the server is too old, cannot be, has a collector of its own, or there is no
+            client for it.
         ServerError: it does not start or answer.
         KeyboardInterrupt: the user asked to end.
     """
     check_server(config)
+    if isinstance(config.server, ClassServerConfig):
+        _check_protocol(config.server, make_server(config, None))
     setup = ServerSetup(config)
     with Interruption(notify) as interruption, setup.facts(), TemporaryDirectory() as folder:
         notify("Starting or asking the server, then recording a few frames on it.")
@@ -103,6 +107,16 @@ def examine_server(config: Config, notify: Callable[[str], None]) -> Verdict:
             interruption,
             sensor_warmup_ticks=setup.sensor_warmup_ticks,
             has_ended=lambda: setup.has_ended,
+        )
+
+
+def _check_protocol(asked: ClassServerConfig, server: Server) -> None:
+    if server.collector != Server.collector:
+        raise BadInputError(
+            f"server.name: {asked.name} records with {server.collector}: the self-test asks "
+            "CARLA's questions, which such a server does not answer.",
+            "Test the class with carstage.testing.server.ServerTests, and look at a short run with "
+            "`carstage validate`; see docs/how-to/add-a-simulator.md.",
         )
 
 

@@ -170,7 +170,7 @@ class ServerSetup:
 
     @property
     def collector_folders(self) -> list[str]:
-        """Where Python looks for the collector's module first; none where it is Car-STAGE's."""
+        """Where Python looks for the collector's module last; none where it is Car-STAGE's."""
         server = self._config.server
         return _absolute(server.folders) if isinstance(server, ClassServerConfig) else []
 

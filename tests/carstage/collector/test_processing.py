@@ -13,21 +13,22 @@ from queue import SimpleQueue
 from types import SimpleNamespace
 from typing import Any
 
+import carla
 import pytest
 
 from carstage.collector import processing
 from carstage.collector import timing as collector_timing
 from carstage.collector.internals.errors import InterruptedByRequestError, RecordingError
 from carstage.collector.internals.matching import ExpectedFrame, FrameMatcher
-from carstage.collector.internals.snapshots import WorldMoment
+from carstage.collector.internals.snapshots import ActorPacker, WorldMoment
 from carstage.collector.internals.stopping import StopRequest
-from carstage.collector.internals.writing import LogWriters
+from carstage.collector.internals.writing import LogWriters, Write
 from carstage.collector.processing import MAX_CONSECUTIVE_MISSES, ByteBudget, Pipeline
 from carstage.collector.sensors import Sensor, sensor_of
 from carstage.collector.sensors.cameras import Camera
 from carstage.rawlog.format import WORLD, SealedSegment
 from carstage.rawlog.reader import EpisodeLog
-from carstage.rawlog.writing import write_episode_file
+from carstage.rawlog.writing import StreamWriter, write_episode_file
 
 FIRST_FRAME = 50
 CAMERA = sensor_of("rgb")
@@ -416,9 +417,9 @@ from carstage.collector.internals.matching import ExpectedFrame, FrameMatcher
 from carstage.collector.internals.plan import parse_plan
 from carstage.collector.processing import ByteBudget, Pipeline
 from carstage.collector.sensors import Sensor, sensor_of
-from carstage.collector.internals.snapshots import WorldMoment
-from carstage.collector.internals.writing import LogWriters
-from carstage.rawlog.writing import write_episode_file
+from carstage.collector.internals.snapshots import ActorPacker, WorldMoment
+from carstage.collector.internals.writing import LogWriters, Write
+from carstage.rawlog.writing import StreamWriter, write_episode_file
 folder = paths.prepare_folder(sys.argv[1])
 write_episode_file(folder, {"format_version": 1, "ticks": 2})
 budget, failures = ByteBudget(1000), []
@@ -441,3 +442,80 @@ with writers, Pipeline(gnss, writers, FrameMatcher(["GNSS"], 5.0), budget, 2, 2)
     log = EpisodeLog(tmp_path / "log")
     assert log.is_complete()
     assert [record.frame for record in log.read_segment("GNSS", 0)] == [10, 11]
+
+
+def test_what_comes_together_is_handled_at_once_and_in_order(tmp_path: Path) -> None:
+    with recording(tmp_path, steps=4, pause_s=0.2) as running:
+        for number in range(4):
+            running.camera(picture(FIRST_FRAME + number))
+            running.tick(number)
+            running.gnss(position(FIRST_FRAME + number))
+        running.finish()
+        assert running.budget.held_bytes == 0
+    log = EpisodeLog(tmp_path)
+    frames = [record.frame for index in (0, 1) for record in log.read_segment("CAM", index)]
+    assert frames == [FIRST_FRAME + number for number in range(4)]
+
+
+def test_signs_are_packed_again_only_where_they_were_moved() -> None:
+    asked: list[int] = []
+
+    class Sign:
+        id = 7
+
+        def __init__(self, x: float) -> None:
+            self._at = carla.Transform(carla.Location(x, 0.0, 0.0))
+
+        def get_transform(self) -> carla.Transform:
+            return self._at
+
+        def get_velocity(self) -> carla.Vector3D:
+            asked.append(self.id)
+            return carla.Vector3D()
+
+        get_angular_velocity = get_acceleration = lambda self: carla.Vector3D()
+
+    packer, fixed = ActorPacker(), frozenset({7})
+    first, again, moved = (packer.pack([Sign(x)], fixed) for x in (1.0, 1.0, 2.0))
+    assert first == again == ActorPacker().pack([Sign(1.0)])
+    assert moved == ActorPacker().pack([Sign(2.0)])
+    assert len(asked) == 2 + 2
+
+
+def test_data_live_until_they_are_with_the_kernel(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The client's view of a picture does not keep the picture's memory."""
+    gone: list[bool] = []
+    written: list[bool] = []
+
+    class Data:
+        def __del__(self) -> None:
+            gone.append(True)
+
+    def task(tick: int) -> Write:
+        data = Data()
+        return Write("CAM", 1, tick, tick, 0.0, lambda: ({"of": bool(data)}, b"picture"), 7)
+
+    flush = StreamWriter.flush
+
+    def watched(writer: StreamWriter) -> None:
+        written.append(not gone)
+        flush(writer)
+
+    monkeypatch.setattr(StreamWriter, "flush", watched)
+    writers = LogWriters(
+        str(tmp_path),
+        {"CAM": 10},
+        10,
+        1,
+        lambda size: None,
+        lambda sealed: None,
+        lambda error: None,
+    )
+    for tick in range(3):
+        writers.write(task(tick))
+    with writers:
+        pass
+    assert written[0]
+    assert gone == [True] * 3

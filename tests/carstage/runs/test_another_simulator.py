@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,9 +15,11 @@ import yaml
 
 from carstage import Dataset, validate
 from carstage.config import check_config
-from carstage.errors import BadInputError, ConfigError
+from carstage.errors import BadInputError, ConfigError, ServerError
+from carstage.execution.collector_process import interpreter_command
 from carstage.runs import RunResult, run
 from carstage.runs.allotment import check_ports, config_of_worker, number_of_workers
+from carstage.runs.selftesting import examine_server
 from carstage.runs.server_lock import server_key
 from carstage.server import Server, load_server
 from carstage.testing.server import ServerTests
@@ -144,3 +147,102 @@ def test_workers_have_a_server_of_such_a_class_each(config: dict[str, Any]) -> N
     check_ports(checked, 3)
     assert config_of_worker(checked, 2, 3).server == checked.server
     assert server_key(checked) == "here"
+
+
+RAISING = """
+import statistics
+from carstage.errors import ServerError
+from carstage.server import Endpoint, Server
+
+
+class Raising(Server):
+    kind = "raising"
+    answer = None
+
+    def __init__(self, log_path=None):
+        super().__init__()
+
+    def start(self):
+        self._endpoint = Endpoint("127.0.0.1", 1, 2, "0.9.16", None)
+        return {}["port"]
+
+    def facts(self):
+        return self.answer
+
+    def stop(self):
+        self.alive()
+
+    def alive(self):
+        raise ServerError("It has no power.", "Plug it in.")
+
+    def log_tail(self, lines=20):
+        return ""
+
+
+class Incomplete(Server):
+    kind = "incomplete"
+
+    def __init__(self, log_path=None):
+        super().__init__()
+"""
+
+
+@pytest.fixture
+def raising(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder with a server that raises, and with a module that is named as one of Python's."""
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.delitem(sys.modules, "statistics", raising=False)
+    (tmp_path / "raising_server.py").write_text(RAISING)
+    (tmp_path / "statistics.py").write_text("raise AssertionError('of the folder')\n")
+    yield tmp_path
+    sys.modules.pop("raising_server", None)
+
+
+def test_what_a_class_raises_names_class_method_cause_and_place(raising: Path) -> None:
+    server = load_server("raising_server:Raising", [str(raising)], {}, None)
+    wanted = (
+        r"raising_server:Raising.start\(\) raised KeyError: 'port', in .*raising_server.py, line 16"
+    )
+    with pytest.raises(ServerError, match=wanted) as caught:
+        server.start()
+    assert "carstage.errors.ServerError" in caught.value.hint
+    with pytest.raises(ServerError, match=r"facts\(\) returned NoneType, not ServerFacts"):
+        server.facts()
+
+
+def test_errors_of_car_stage_pass_as_they_are(raising: Path) -> None:
+    server = load_server("raising_server:Raising", [str(raising)], {}, None)
+    with pytest.raises(ServerError, match="It has no power") as caught:
+        server.stop()
+    assert caught.value.hint == "Plug it in."
+
+
+def test_class_without_a_method_that_is_needed_is_refused(raising: Path) -> None:
+    with pytest.raises(BadInputError, match=r"raised TypeError when it was made.*abstract"):
+        load_server("raising_server:Incomplete", [str(raising)], {}, None)
+
+
+def test_module_of_a_folder_takes_the_place_of_none_that_is_installed(raising: Path) -> None:
+    load_server("raising_server:Raising", [str(raising)], {}, None)
+    assert Path(str(sys.modules["statistics"].__file__)).parent != raising
+
+
+def test_collector_of_a_folder_is_run_with_its_neighbours_and_with_what_is_installed(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "statistics.py").write_text("raise AssertionError('of the folder')\n")
+    (tmp_path / "own_part.py").write_text("WORD = 'mine'\n")
+    code = "import statistics, sys, own_part\nprint(own_part.WORD, __name__, sys.argv[1:])\n"
+    (tmp_path / "own_collector.py").write_text(code)
+    command = interpreter_command(sys.executable, "own_collector", [str(tmp_path)])
+    said = subprocess.run(
+        [*command, "plan"], cwd=tmp_path, check=True, capture_output=True, text=True
+    )
+    assert said.stdout.split(None, 2) == ["mine", "__main__", "['plan']\n"]
+
+
+def test_self_test_of_a_server_that_is_not_carla_is_refused(config: dict[str, Any]) -> None:
+    with pytest.raises(
+        BadInputError, match=r"server.name: box_world_server:BoxWorldServer records"
+    ):
+        examine_server(check_config(config), lambda sentence: None)

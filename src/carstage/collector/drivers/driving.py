@@ -50,7 +50,7 @@ def make_driver(spec: DriverSpec, folders: Sequence[str], step_s: float, page: A
 
     Args:
         spec: who drives.
-        folders: where the user's modules are looked for first.
+        folders: where the user's modules are looked for.
         step_s: simulated time of a step.
         page: how it hears of a device there.
 

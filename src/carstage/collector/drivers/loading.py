@@ -19,7 +19,7 @@ def load_driver(spec: ClassDriverSpec, folders: Sequence[str]) -> Driver:
 
     Args:
         spec: names it.
-        folders: where modules are looked for first.
+        folders: where modules are looked for that are not installed.
 
     Raises:
         DriverError: it is not found, is no :class:`Driver`, or raised.
@@ -31,7 +31,7 @@ def load_driver(spec: ClassDriverSpec, folders: Sequence[str]) -> Driver:
 
 def _class_of(name: str, folders: Sequence[str]) -> Type[Driver]:
     module_name, _, class_name = name.partition(":")
-    sys.path[:0] = [folder for folder in folders if folder not in sys.path]
+    sys.path += [folder for folder in folders if folder not in sys.path]
     importlib.invalidate_caches()
     with blamed(name, "when %s was imported" % module_name):
         try:
@@ -42,7 +42,7 @@ def _class_of(name: str, folders: Sequence[str]) -> Type[Driver]:
             raise DriverError(
                 "ego.driver: there is no module %s for the collector's Python, %s."
                 % (error.name, sys.executable),
-                "It was looked for in %s, then among the installed packages; name its folder in "
+                "It was looked for among the installed packages, then in %s; name its folder in "
                 "ego.driver.folders." % (", ".join(folders) or "no folder"),
             ) from error
     cls = getattr(module, class_name, None)

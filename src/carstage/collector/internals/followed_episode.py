@@ -14,6 +14,7 @@ from typing import Any, Deque, Dict, Iterator, List, Mapping, NamedTuple, Option
 import carla
 
 from carstage.collector.client import answers
+from carstage.collector.internals.background import give_way
 from carstage.collector.internals.dialect import weather_values
 from carstage.collector.internals.errors import RecordingError
 from carstage.collector.internals.events import EventStream
@@ -246,6 +247,7 @@ class FollowedEpisode:
                 lambda sealed: None,
                 failures.append,
                 durable=True,
+                on_start=give_way,
             )
         )
         pipeline = Pipeline(
@@ -263,6 +265,7 @@ class FollowedEpisode:
             strict=False,
             failures=failures,
             pause_s=BATCH_S,
+            on_start=give_way,
         )
         return segment_ticks, writers, stack.enter_context(pipeline)
 
@@ -279,7 +282,7 @@ class FollowedEpisode:
         begun_after = self._first_data(pipeline, stop)
         if begun_after is None:
             return 0
-        saved, ticks = SavedFrames(self._spec.saved), 0
+        saved, ticks, name = SavedFrames(self._spec.saved), 0, os.path.basename(self._folder)
         last: Optional[Tick] = None
         weather: Optional[Mapping[str, float]] = None
         for seen in self._frames(frames, pipeline, stop, begun_after):
@@ -305,7 +308,7 @@ class FollowedEpisode:
             k = saved.index(ticks)
             _expect(pipeline, ticks, step, k, moment)
             events.tick(
-                os.path.basename(self._folder),
+                name,
                 False,
                 tick=ticks,
                 k=k,

@@ -79,7 +79,7 @@ class Plan:
         raw_store: how payloads of cameras are stored, see ``carstage.rawlog.writing``.
         durable: sealed segments outlive a crash of the machine; those that are converted at once
             and then removed need not, and large ones are written over each other.
-        driver_folders: where the ego's driver is looked for before the installed packages.
+        driver_folders: where the ego's driver is looked for after the installed packages.
         inputs_file: where the page's server writes what a driver at the page presses.
     """
 

@@ -2,8 +2,21 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from types import MappingProxyType
-from typing import Any, Dict, Iterable, List, Mapping, Optional, Sequence, Set, Tuple
+from typing import (
+    AbstractSet,
+    Any,
+    Dict,
+    FrozenSet,
+    Iterable,
+    List,
+    Mapping,
+    Optional,
+    Sequence,
+    Set,
+    Tuple,
+)
 
 from carstage.rawlog.format import ACTOR_RECORD
 
@@ -24,6 +37,8 @@ WEATHER_PARAMETERS = (
     "dust_storm",
 )
 
+_FIXED = "traffic."
+"""Signs and lights: nothing moves them but a program that puts them elsewhere."""
 _WITH_BOX = ("vehicle.", "walker.", "traffic.", "static.")
 
 
@@ -37,6 +52,8 @@ class WorldMoment:
         meta: the record's meta; see docs/formats/raw-log.md.
         new_actors: table rows of actors that no earlier tick showed.
         level_objects: table rows of the level; of the first tick only.
+        packer: of this tick's world and the others'.
+        fixed: ids of actors that have no velocity.
     """
 
     def __init__(
@@ -45,11 +62,15 @@ class WorldMoment:
         meta: Mapping[str, Any],
         new_actors: Sequence[Mapping[str, Any]],
         level_objects: Sequence[Mapping[str, Any]] = (),
+        packer: Optional[ActorPacker] = None,
+        fixed: AbstractSet[int] = frozenset(),
     ) -> None:
         self.snapshot = snapshot
         self.meta = meta
         self.new_actors = new_actors
         self.level_objects = level_objects
+        self._packer = packer or ActorPacker()
+        self._fixed = fixed
 
     def table(self) -> Optional[Dict[str, Any]]:
         """Meta of the table record that goes before this tick's; None: nothing is new."""
@@ -62,38 +83,63 @@ class WorldMoment:
 
     def encode(self) -> Tuple[Mapping[str, Any], bytes]:
         """Meta and payload of the world record."""
-        return self.meta, pack_actors(self.snapshot)
+        return self.meta, self._packer.pack(self.snapshot, self._fixed)
 
 
-def pack_actors(snapshot: Any) -> bytes:
-    """Pack every actor of a ``carla.WorldSnapshot``, ascending id."""
-    packed = {}
-    for actor in snapshot:
-        transform = actor.get_transform()
-        location, rotation = transform.location, transform.rotation
-        velocity = actor.get_velocity()
-        angular = actor.get_angular_velocity()
-        acceleration = actor.get_acceleration()
-        packed[actor.id] = ACTOR_RECORD.pack(
-            actor.id,
-            0,
-            location.x,
-            location.y,
-            location.z,
-            rotation.pitch,
-            rotation.yaw,
-            rotation.roll,
-            velocity.x,
-            velocity.y,
-            velocity.z,
-            angular.x,
-            angular.y,
-            angular.z,
-            acceleration.x,
-            acceleration.y,
-            acceleration.z,
-        )
-    return b"".join(packed[actor_id] for actor_id in sorted(packed))
+class ActorPacker:
+    """Packs the actors of snapshots, from one thread.
+
+    Asking ``carla`` for each number takes the most time of a tick. So who is known to move by no
+    physics is packed again only where its transform is another one.
+    """
+
+    def __init__(self) -> None:
+        self._fixed: Dict[int, Tuple[Any, bytes]] = {}
+
+    def pack(self, snapshot: Any, fixed: AbstractSet[int] = frozenset()) -> bytes:
+        """Pack every actor of a ``carla.WorldSnapshot``, ascending id.
+
+        Args:
+            snapshot: of any tick.
+            fixed: ids of actors that have no velocity.
+        """
+        packed, known = {}, self._fixed
+        for actor in snapshot:
+            actor_id, transform = actor.id, actor.get_transform()
+            if actor_id in fixed:
+                before = known.get(actor_id)
+                if before is None or before[0] != transform:
+                    before = known[actor_id] = transform, _packed(actor_id, transform, actor)
+                packed[actor_id] = before[1]
+            else:
+                packed[actor_id] = _packed(actor_id, transform, actor)
+        return b"".join([packed[actor_id] for actor_id in sorted(packed)])
+
+
+def _packed(actor_id: int, transform: Any, actor: Any) -> bytes:
+    location, rotation = transform.location, transform.rotation
+    velocity = actor.get_velocity()
+    angular = actor.get_angular_velocity()
+    acceleration = actor.get_acceleration()
+    return ACTOR_RECORD.pack(
+        actor_id,
+        0,
+        location.x,
+        location.y,
+        location.z,
+        rotation.pitch,
+        rotation.yaw,
+        rotation.roll,
+        velocity.x,
+        velocity.y,
+        velocity.z,
+        angular.x,
+        angular.y,
+        angular.z,
+        acceleration.x,
+        acceleration.y,
+        acceleration.z,
+    )
 
 
 class WorldObserver:
@@ -118,7 +164,9 @@ class WorldObserver:
         self._agents = agents
         self._level_objects = level_objects
         self._known: Set[int] = set()
-        self._traffic_lights: List[Any] = []
+        self._fixed: FrozenSet[int] = frozenset()
+        self._packer = ActorPacker()
+        self._traffic_lights: List[Tuple[str, Any]] = []
 
     def observe(
         self,
@@ -152,13 +200,10 @@ class WorldObserver:
 
     def watch_lights(self, lights: Iterable[Any]) -> None:
         """Have the states of traffic lights noted from now on."""
-        known = {light.id for light in self._traffic_lights}
+        known = {name for name, _ in self._traffic_lights}
+        found = [(str(light.id), light) for light in sorted(lights, key=lambda one: int(one.id))]
         # A new list: another thread may be reading the states of the old one.
-        self._traffic_lights = self._traffic_lights + [
-            light
-            for light in sorted(lights, key=lambda light: int(light.id))
-            if light.id not in known
-        ]
+        self._traffic_lights = self._traffic_lights + [one for one in found if one[0] not in known]
 
     def show_level(self, level_objects: Sequence[Mapping[str, Any]]) -> None:
         """Have what the level holds noted with the next tick."""
@@ -172,7 +217,7 @@ class WorldObserver:
         return {
             "ego": _vehicle_state(self._ego),
             "traffic_lights": {
-                str(light.id): str(light.get_state()) for light in self._traffic_lights
+                name: _state_name(light.get_state()) for name, light in self._traffic_lights
             },
         }
 
@@ -223,15 +268,16 @@ class WorldObserver:
             {name: states[name] for name in ("events", "driver", "agents") if name in states}
         )
         level_objects, self._level_objects = self._level_objects, ()
-        return WorldMoment(snapshot, meta, new_actors, level_objects)
+        return WorldMoment(snapshot, meta, new_actors, level_objects, self._packer, self._fixed)
 
     def _new_actors(self, snapshot: Any) -> List[Dict[str, Any]]:
-        new = sorted(actor.id for actor in snapshot if actor.id not in self._known)
+        new = sorted({actor.id for actor in snapshot} - self._known)
         if not new:
             return []
         self._known.update(new)
         actors = sorted(self._world.get_actors(new), key=lambda actor: int(actor.id))
         self.watch_lights(actor for actor in actors if actor.type_id == "traffic.traffic_light")
+        self._fixed |= {actor.id for actor in actors if actor.type_id.startswith(_FIXED)}
         return [actor_row(actor) for actor in actors]
 
 
@@ -247,8 +293,14 @@ def _vehicle_state(vehicle: Any) -> Dict[str, Any]:
         "reverse": control.reverse,
         "gear": control.gear,
         "speed_limit_kmh": vehicle.get_speed_limit(),
-        "traffic_light_state": str(vehicle.get_traffic_light_state()),
+        "traffic_light_state": _state_name(vehicle.get_traffic_light_state()),
     }
+
+
+@lru_cache(maxsize=None)
+def _state_name(state: Any) -> str:
+    """Of a ``carla.TrafficLightState``; there are five."""
+    return str(state)
 
 
 def actor_row(actor: Any) -> Dict[str, Any]:

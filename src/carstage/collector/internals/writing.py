@@ -13,6 +13,9 @@ from carstage.spec import SavedSteps
 LARGE_BYTES = 1 << 18
 """A stream with so many bytes per tick spends its writer's time in the kernel."""
 
+MOST_WAITING_BYTES = 4_000_000
+"""So much data of records is written at once."""
+
 Content = Callable[[], Tuple[Mapping[str, Any], Buffer]]
 
 
@@ -34,12 +37,20 @@ class _Seal(NamedTuple):
 
 
 class _WriterThread:
-    """One thread and the streams that only it writes."""
+    """One thread and the streams that only it writes.
+
+    Attributes:
+        waiting: records that are not with the kernel yet. A payload is a view that does not keep
+            its data alive, so their tasks are kept.
+        waiting_bytes: of their data.
+    """
 
     def __init__(self, name: str) -> None:
         self.name = name
         self.tasks: SimpleQueue[Any] = SimpleQueue()
         self.thread: Optional[threading.Thread] = None
+        self.waiting: List[Write] = []
+        self.waiting_bytes = 0
 
 
 class LogWriters:
@@ -54,11 +65,12 @@ class LogWriters:
             among them.
         ticks_per_segment: ticks per segment, the same in every stream.
         threads: threads for everything but the ledger.
-        on_written: called with ``size_bytes`` of each record once it is with the kernel.
+        on_written: called with the sum of ``size_bytes`` of records once they are with the kernel.
         on_sealed: called with each sealed segment, from the writer's thread.
         on_failure: called with the error that ended a writer.
         stores: how payloads of a stream are stored, where not in its records.
         durable: see ``StreamWriter``.
+        on_start: called first in each thread.
     """
 
     def __init__(
@@ -72,8 +84,10 @@ class LogWriters:
         on_failure: Callable[[BaseException], None],
         stores: Optional[Mapping[str, str]] = None,
         durable: bool = True,
+        on_start: Callable[[], None] = lambda: None,
     ) -> None:
         self._on_written = on_written
+        self._on_start = on_start
         self._on_sealed = on_sealed
         self._on_failure = on_failure
         self._ticks_per_segment = ticks_per_segment
@@ -145,29 +159,46 @@ class LogWriters:
 
     def _run(self, writer_thread: _WriterThread) -> None:
         try:
+            self._on_start()
             for task in iter(writer_thread.tasks.get, None):
                 if isinstance(task, Write):
-                    self._write(task)
+                    self._write(task, writer_thread)
                 else:
                     self._seal(task)
+                # Records that came together are written together: system calls cost time, and a
+                # page of the file that two of them share is handled twice.
+                if writer_thread.tasks.empty() or writer_thread.waiting_bytes >= MOST_WAITING_BYTES:
+                    self._flush(writer_thread)
+            self._flush(writer_thread)
         except BaseException as error:  # noqa: BLE001 - handed to the main thread, which raises it
             self._on_failure(error)
             self._drain(writer_thread)
 
     def _drain(self, writer_thread: _WriterThread) -> None:
         """Give back the budget of what will never be written, so that nobody waits for it."""
+        self._give_back(writer_thread)
         for task in iter(writer_thread.tasks.get, None):
             if isinstance(task, Write):
                 self._on_written(task.size_bytes)
 
-    def _write(self, task: Write) -> None:
-        try:
-            meta, payload = task.content()
-            self._writers[task.stream].append(
-                task.kind, task.tick, task.frame, task.timestamp_s, meta, payload
-            )
-        finally:
-            self._on_written(task.size_bytes)
+    def _write(self, task: Write, writer_thread: _WriterThread) -> None:
+        writer_thread.waiting.append(task)
+        writer_thread.waiting_bytes += task.size_bytes
+        meta, payload = task.content()
+        self._writers[task.stream].append(
+            task.kind, task.tick, task.frame, task.timestamp_s, meta, payload, waits=True
+        )
+
+    def _flush(self, writer_thread: _WriterThread) -> None:
+        for stream in {task.stream for task in writer_thread.waiting}:
+            self._writers[stream].flush()
+        writer_thread.waiting.clear()
+        self._give_back(writer_thread)
+
+    def _give_back(self, writer_thread: _WriterThread) -> None:
+        size_bytes, writer_thread.waiting_bytes = writer_thread.waiting_bytes, 0
+        if size_bytes:
+            self._on_written(size_bytes)
 
     def _seal(self, task: _Seal) -> None:
         segment = task.last_tick // self._ticks_per_segment

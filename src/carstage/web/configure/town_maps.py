@@ -32,12 +32,19 @@ class TownMapService:
             ConfigError: the section ``server`` is wrong.
         """
         from carstage.config import check_config
-        from carstage.config.servers import EmbeddedServerConfig, RemoteServerConfig
+        from carstage.config.servers import (
+            ClassServerConfig,
+            EmbeddedServerConfig,
+            RemoteServerConfig,
+        )
 
         server = check_config({"server": request.server}).server
         name = request.map.rsplit("/", 1)[-1]
         if isinstance(server, RemoteServerConfig):
             return self._of_remote(name, server)
+        if isinstance(server, ClassServerConfig):
+            note = f"{server.name} tells its maps when it runs: type numbers and places."
+            return TownMap(map=name, note=note)
         if not isinstance(server, EmbeddedServerConfig):
             note = "The maps of this release are known when it runs: type numbers and places."
             return TownMap(map=name, note=note)

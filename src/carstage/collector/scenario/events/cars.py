@@ -131,6 +131,11 @@ class DrivenCar:
         return self._before
 
     @property
+    def place(self) -> Any:
+        """``carla.Location`` where the last step put it."""
+        return carla.Location(*self._before[:3])
+
+    @property
     def half_m(self) -> float:
         """Half its length."""
         return float(self.actor.bounding_box.extent.x)

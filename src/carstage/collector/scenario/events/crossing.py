@@ -68,7 +68,8 @@ class PedestrianCrosses(Event):
         ahead_m, _ = self.world.from_ego(self._crossing)
         if ahead_m < 0.0 or ahead_m > self.spec.distance_m + ROOM_M:
             return "the ego stopped short of it, or took another way"
-        if ahead_m <= self.spec.trigger_m and self.world.ego_speed_m_s >= LEAST_M_S:
+        near = ahead_m - self.world.step_m <= self.spec.trigger_m
+        if near and self.world.ego_speed_m_s >= LEAST_M_S:
             self.begin()
             self._came_m = self._came_s = 0.0
             self._walk(self.spec.speed_m_s)

@@ -53,7 +53,7 @@ class WrongWayCyclist(Event):
         ahead_m, _ = self.world.from_ego(self._bike.actor.get_location())
         if self.elapsed_s > self._longest_s():
             return "the ego did not come near the cyclist"
-        if ahead_m > 0.0 and not self.world.is_far(self.actors, self.spec.trigger_m):
+        if ahead_m > 0.0 and self.world.will_be_near(self._bike.place, self.spec.trigger_m):
             self.begin()
         return None
 

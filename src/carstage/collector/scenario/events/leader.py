@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Optional
 
 from carstage.collector.scenario.events.base import Event, event
@@ -58,9 +57,7 @@ class HardBrakingLeader(Event):
         found = self.world.car_ahead(stretch)
         if found is None:
             return False
-        actor, along_m, right_m = found
-        velocity = actor.get_velocity()
-        speed_m_s = math.hypot(velocity.x, velocity.y)
+        (actor, _, speed_m_s), along_m, right_m = found
         gap_m = along_m - float(actor.bounding_box.extent.x) - self.world.ego_half_m
         if speed_m_s < LEAST_M_S or not NEAR <= gap_m / self.spec.gap_m <= FAR:
             return False

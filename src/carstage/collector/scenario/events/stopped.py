@@ -41,7 +41,7 @@ class StoppedVehicle(Event):
             self.actors, self.spec.distance_m + ROOM_M
         ):
             return "the ego took another way"
-        if ahead_m > 0.0 and not self.world.is_far(self.actors, self.spec.trigger_m):
+        if ahead_m > 0.0 and self.world.will_be_near(self._car.place, self.spec.trigger_m):
             self.begin()
         return None
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import random
-from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Dict, Iterable, List, NamedTuple, Optional, Sequence, Tuple
 
 import carla
 
@@ -52,6 +52,55 @@ class Stretch(NamedTuple):
         return self.places[min(round(distance_m / SPACING_M), len(self.places) - 1)]
 
 
+class Seen(NamedTuple):
+    """An actor that is there, as the client knows it: ``carla.Transform``, m/s on the ground."""
+
+    actor: Any
+    transform: Any
+    speed_m_s: float
+
+
+def look_at(actor: Any) -> Seen:
+    """What the client knows of an actor.
+
+    Raises:
+        RuntimeError: it has been destroyed.
+    """
+    transform, velocity = actor.get_transform(), actor.get_velocity()
+    return Seen(actor, transform, math.hypot(velocity.x, velocity.y))
+
+
+def seen(actors: Iterable[Any]) -> List[Seen]:
+    """Those of some actors that are there.
+
+    Whether one is there shows as it is read: the Traffic Manager, or a world that runs on its own,
+    may destroy it between two questions.
+
+    Raises:
+        RuntimeError: one is there and cannot be read.
+    """
+    there = []
+    for actor in actors:
+        try:
+            one = look_at(actor)
+        except RuntimeError:
+            if actor.is_alive:
+                raise
+            continue
+        if actor.is_alive:
+            there.append(one)
+    return there
+
+
+def _first_taken(
+    spots: Sequence[Tuple[float, float]], places: Sequence[Any], half_m: float
+) -> Optional[int]:
+    for index, (x, y) in enumerate(spots):
+        if any(math.hypot(at.x - x, at.y - y) < half_m for at in places):
+            return index
+    return None
+
+
 class Surroundings:
     """The ego, the road ahead, other vehicles; and a list of commands for the next step.
 
@@ -91,9 +140,9 @@ class Surroundings:
         self.commands: List[Any] = []
 
     @property
-    def _vehicles(self) -> List[Any]:
+    def _vehicles(self) -> List[Seen]:
         """All but the ego that are there: the Traffic Manager destroys who stands too long."""
-        return [one for one in self._all_vehicles if one.is_alive]
+        return seen(self._all_vehicles)
 
     @property
     def ego_speed_m_s(self) -> float:
@@ -114,9 +163,29 @@ class Surroundings:
         return x * math.cos(yaw) + y * math.sin(yaw), y * math.cos(yaw) - x * math.sin(yaw)
 
     def is_far(self, actors: Sequence[Any], distance_m: float) -> bool:
-        """Whether all of them are farther from the ego than that."""
+        """Whether all of them that are there are farther from the ego than that."""
         here = self.ego.get_location()
-        return all(actor.get_location().distance(here) > distance_m for actor in actors)
+        places = [one.transform.location for one in seen(actors)]
+        return all(place.distance(here) > distance_m for place in places)
+
+    @property
+    def step_m(self) -> float:
+        """How far the ego comes in the step that is about to be made, if it goes on as it does."""
+        return self.ego_speed_m_s * self.step_s
+
+    def will_be_near(self, place: Any, distance_m: float) -> bool:
+        """Whether the ego is so near to a ``carla.Location`` after the step, if it goes on.
+
+        What the client knows is of the step before. An event that waited for it to say so would
+        begin one step late, and be recorded as begun another step later.
+        """
+        here, velocity = self.ego.get_location(), self.ego.get_velocity()
+        there = carla.Location(
+            here.x + velocity.x * self.step_s,
+            here.y + velocity.y * self.step_s,
+            here.z + velocity.z * self.step_s,
+        )
+        return bool(there.distance(place) <= distance_m)
 
     def here(self) -> Any:
         """The waypoint at which the ego is."""
@@ -165,42 +234,43 @@ class Surroundings:
         but: Optional[Any] = None,
     ) -> Optional[int]:
         """Which of some places is the first with a vehicle; neither the ego counts nor ``but``."""
-        others = [one for one in self._vehicles if but is None or one.id != but.id]
-        places = [one.get_location() for one in others]
-        for index, (x, y) in enumerate(spots):
-            if any(math.hypot(at.x - x, at.y - y) < half_m for at in places):
-                return index
-        return None
+        places = [
+            one.transform.location
+            for one in self._vehicles
+            if but is None or one.actor.id != but.id
+        ]
+        return _first_taken(spots, places, half_m)
 
     def is_crossed(self, places: Sequence[Any], within_m: float, but: Any) -> bool:
         """Whether a vehicle drives near a row of waypoints; neither the ego counts nor ``but``."""
         spots = [place.transform.location for place in places]
-        for vehicle in self._vehicles:
-            at, velocity = vehicle.get_location(), vehicle.get_velocity()
-            drives = vehicle.id != but.id and math.hypot(velocity.x, velocity.y) > STANDS_M_S
+        for one in self._vehicles:
+            at = one.transform.location
+            drives = one.actor.id != but.id and one.speed_m_s > STANDS_M_S
             if drives and any(math.hypot(at.x - s.x, at.y - s.y) < within_m for s in spots):
                 return True
         return False
 
-    def car_ahead(self, stretch: Stretch) -> Optional[Tuple[Any, float, float]]:
+    def car_ahead(self, stretch: Stretch) -> Optional[Tuple[Seen, float, float]]:
         """The first vehicle ahead, if the Traffic Manager drives it and it has four wheels.
 
         Returns:
             The vehicle, and where it is: along the stretch, and to the right of its lane's middle.
         """
+        vehicles = self._vehicles
         spots = [(one.transform.location.x, one.transform.location.y) for one in stretch.places]
-        first = self.first_taken(spots)
+        first = _first_taken(spots, [one.transform.location for one in vehicles], LANE_HALF_M)
         if first is None:
             return None
         (x, y), yaw = spots[first], math.radians(stretch.places[first].transform.rotation.yaw)
         vehicle = min(
-            self._vehicles,
-            key=lambda one: math.hypot(one.get_location().x - x, one.get_location().y - y),
+            vehicles,
+            key=lambda one: math.hypot(one.transform.location.x - x, one.transform.location.y - y),
         )
-        attributes = vehicle.attributes
+        attributes = vehicle.actor.attributes
         if attributes.get("role_name") == ROLE or attributes.get("number_of_wheels") != "4":
             return None
-        at = vehicle.get_location()
+        at = vehicle.transform.location
         ahead_m = (at.x - x) * math.cos(yaw) + (at.y - y) * math.sin(yaw)
         right_m = (at.y - y) * math.cos(yaw) - (at.x - x) * math.sin(yaw)
         return vehicle, first * SPACING_M + ahead_m, right_m
@@ -290,9 +360,9 @@ class Surroundings:
         """Whether the client's Traffic Manager drives beside a lane's middle: from 0.9.14 on."""
         return hasattr(carla.TrafficManager, "vehicle_lane_offset")
 
-    def others(self) -> List[Any]:
+    def others(self) -> List[Seen]:
         """Vehicles that the Traffic Manager drives from the begin on, the ego left out."""
-        return [one for one in self._vehicles if one.id in self._slower]
+        return [one for one in self._vehicles if one.actor.id in self._slower]
 
     def shift(self, vehicle: Any, right_m: float) -> None:
         """Have a vehicle drive so far to the right of the middle of its lane."""

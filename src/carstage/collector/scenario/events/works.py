@@ -71,7 +71,7 @@ class WorksZone(Event):
     def wait(self) -> Optional[str]:
         """Steer by, as soon as the ego comes; it begins at a distance from the barrier."""
         self.after()
-        if not self.world.is_far(self.actors[:1], self.spec.trigger_m):
+        if self.world.will_be_near(self.actors[0].get_location(), self.spec.trigger_m):
             self.begin()
         elif self.elapsed_s > self.world.step_s and self.world.is_far(
             self.actors, 2.0 * (self.spec.distance_m + TAPER_M)

@@ -9,7 +9,13 @@ from __future__ import annotations
 import math
 from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
-from carstage.collector.scenario.events.surroundings import SPACING_M, Stretch, Surroundings
+from carstage.collector.scenario.events.surroundings import (
+    SPACING_M,
+    Seen,
+    Stretch,
+    Surroundings,
+    look_at,
+)
 
 BEFORE_M = 20.0
 """So far before the first cone vehicles begin to move over, and stop where they have to wait."""
@@ -68,13 +74,13 @@ class WorksTraffic:
 
     def step(self) -> None:
         """Tell the Traffic Manager what each vehicle near the works does next."""
-        self._steer(self._world.ego, self._ego_goes)
+        self._steer(look_at(self._world.ego), self._ego_goes)
         for vehicle in self._world.others():
             self._steer(vehicle, self._other_goes)
 
     def ego_is_past(self, behind_m: float) -> bool:
         """Whether the last cone is so far behind the ego's rear, and it is back in its lane."""
-        along_m, _ = self._located(self._world.ego)
+        along_m = self._along_m(look_at(self._world.ego))
         past = along_m is None or along_m - self._world.ego_half_m > self._works.last_m + behind_m
         return past and abs(self._over_m.get(self._world.ego.id, 0.0)) < BACK_M
 
@@ -85,9 +91,9 @@ class WorksTraffic:
                 self._world.shift(vehicle, 0.0)
                 self._world.limit_speed(vehicle, None)
 
-    def _steer(self, vehicle: Any, goes: Any) -> None:
-        works = self._works
-        along_m, speed_m_s = self._located(vehicle)
+    def _steer(self, one: Seen, goes: Any) -> None:
+        works, vehicle, speed_m_s = self._works, one.actor, one.speed_m_s
+        along_m = self._along_m(one)
         wanted_m, limit_m_s = 0.0, None
         half_m = float(vehicle.bounding_box.extent.x)
         if along_m is not None and along_m - half_m < works.last_m + 1.0:
@@ -133,18 +139,17 @@ class WorksTraffic:
         del along_m
         return not self._works.closes
 
-    def _located(self, vehicle: Any) -> Tuple[Optional[float], float]:
-        """How far along the stretch a vehicle is, None where it is not on it; and its speed."""
-        at, velocity = vehicle.get_location(), vehicle.get_velocity()
-        speed_m_s = math.hypot(velocity.x, velocity.y)
+    def _along_m(self, one: Seen) -> Optional[float]:
+        """How far along the stretch a vehicle is; None where it is not on it."""
+        at = one.transform.location
         away: List[float] = [math.hypot(at.x - x, at.y - y) for x, y, _ in self._spots]
         nearest = min(range(len(away)), key=away.__getitem__)
-        aside_m = ON_LANE_M + abs(self._over_m.get(vehicle.id, 0.0))
-        turned = vehicle.get_transform().rotation.yaw - self._spots[nearest][2]
+        aside_m = ON_LANE_M + abs(self._over_m.get(one.actor.id, 0.0))
+        turned = one.transform.rotation.yaw - self._spots[nearest][2]
         same_way = abs((turned + 180.0) % 360.0 - 180.0) < 60.0
         if away[nearest] > aside_m or not same_way:
-            return None, speed_m_s
-        return nearest * SPACING_M, speed_m_s
+            return None
+        return nearest * SPACING_M
 
 
 def _braking_m(speed_m_s: float, then_m_s: float) -> float:

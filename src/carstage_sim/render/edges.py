@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from carstage_sim.kernels import device, kernel
 from carstage_sim.render.caster import Hits, Packets, RayCaster, picture_packets
+from carstage_sim.render.packet_simd import PACKET
 from carstage_sim.render.quality import Sampling
 from carstage_sim.render.scene import Frame
-from carstage_sim.render.simd import PACKET
 from carstage_sim.render.surface import is_leaf
 
 _ROWS = 16

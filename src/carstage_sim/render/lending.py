@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from carstage_sim.kernels import device, kernel
 from carstage_sim.render.caster import Hits, Packets, RayCaster
-from carstage_sim.render.simd import PACKET
+from carstage_sim.render.packet_simd import PACKET
 
 _FIXED: Any = np.float32(0.001)
 _SHARE: Any = np.float32(0.0107)

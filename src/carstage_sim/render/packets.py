@@ -17,16 +17,16 @@ from numpy.typing import NDArray
 from carstage_sim.kernels import device
 from carstage_sim.render.cast import NOTHING, STATIC, Scratch, new_scratch, trace, trace_actors
 from carstage_sim.render.leaves import is_gap
-from carstage_sim.render.simd import (
-    LANES,
+from carstage_sim.render.packet_simd import (
     PACKET,
     boxes_in_beam,
     largest,
-    lowest_bit,
     rays_hit,
     rows_in_beam,
     triangles_in_beam,
 )
+from carstage_sim.render.simd import lowest_bit
+from carstage_sim.render.vector_code import LANES
 
 _ROWS = PACKET // LANES
 _ONE: Any = np.float32(1)
@@ -47,13 +47,13 @@ class PacketScratch(NamedTuple):
     Attributes:
         single: of rays that are traced alone.
         ways: ``(3, 64)`` float32 the rays' directions, x, y, z.
-        rays: ``(4, 64)`` float32; see :func:`carstage_sim.render.simd.rays_hit`.
+        rays: ``(4, 64)`` float32; see :func:`carstage_sim.render.packet_simd.rays_hit`.
         weights: ``(2, 64)`` float32 of what they met.
         triangle: ``(64,)`` int32 what they met, -1 for nothing.
-        beam: ``(19,)`` float32; see :func:`carstage_sim.render.simd.boxes_in_beam`.
-        axes: ``(13,)`` float32; see :func:`carstage_sim.render.simd.triangles_in_beam`.
+        beam: ``(19,)`` float32; see :func:`carstage_sim.render.packet_simd.boxes_in_beam`.
+        axes: ``(13,)`` float32; see :func:`carstage_sim.render.packet_simd.triangles_in_beam`.
         slopes: ``(5, 8)`` float32 of each row of eight rays; see
-            :func:`carstage_sim.render.simd.rows_in_beam` and ``rows_in_shaft``.
+            :func:`carstage_sim.render.packet_simd.rows_in_beam` and ``rows_in_shaft``.
         places: ``(32,)`` float32 slopes of eight triangles.
         found: ``(3, 64)`` float32 where the rays meet a triangle, and its weights there.
         starts: ``(3, 64)`` float32 origins of parallel rays.

@@ -40,10 +40,10 @@ from carstage_sim.render.incoming_light import (
 from carstage_sim.render.lamps import Lamps, glow, lamp_light
 from carstage_sim.render.materials import Glow, MaterialTable, Paint
 from carstage_sim.render.object_appearance import ObjectAppearance
+from carstage_sim.render.packet_simd import PACKET
 from carstage_sim.render.packets import PacketScratch, new_packet_scratch
 from carstage_sim.render.scene import Surfaces
 from carstage_sim.render.shafts import trace_along
-from carstage_sim.render.simd import PACKET
 from carstage_sim.render.sky import Lighting
 from carstage_sim.render.stars import starlight
 from carstage_sim.render.surface import facing_normals, is_leaf, surface_material, water

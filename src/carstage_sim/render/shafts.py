@@ -13,16 +13,16 @@ import numpy as np
 from carstage_sim.kernels import device
 from carstage_sim.render.cast import NOTHING, trace_actors
 from carstage_sim.render.leaves import is_gap
-from carstage_sim.render.simd import (
-    LANES,
+from carstage_sim.render.packet_simd import (
     PACKET,
     boxes_in_shaft,
     largest,
-    lowest_bit,
     parallel_rays_hit,
     rows_in_shaft,
     triangles_in_shaft,
 )
+from carstage_sim.render.simd import lowest_bit
+from carstage_sim.render.vector_code import LANES
 
 _ONE: Any = np.float32(1)
 _SLACK_M: Any = np.float32(2e-5)

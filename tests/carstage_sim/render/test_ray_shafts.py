@@ -7,10 +7,10 @@ import pytest
 
 from carstage_sim.kernels import kernel
 from carstage_sim.render.caster import RayCaster
+from carstage_sim.render.packet_simd import PACKET
 from carstage_sim.render.packets import new_packet_scratch
 from carstage_sim.render.scene import Placement
 from carstage_sim.render.shafts import trace_along
-from carstage_sim.render.simd import PACKET
 from ray_scenes import frame_of, soup, sphere
 
 pytestmark = pytest.mark.xdist_group("kernels")

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.kernels import builder, device
-from carstage_sim.render.simd import LANES
+from carstage_sim.render.vector_code import LANES
 
 _BINS = 16
 _EMPTY = np.int32(np.iinfo(np.int32).min)

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from carstage_sim.kernels import device
 from carstage_sim.render.leaves import is_gap
-from carstage_sim.render.simd import LANES, box_hits, lowest_bit, triangle_hits
+from carstage_sim.render.simd import box_hits, lowest_bit, triangle_hits
+from carstage_sim.render.vector_code import LANES
 
 STATIC = -1
 """Instance row of hits on static geometry."""

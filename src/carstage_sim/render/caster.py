@@ -196,7 +196,7 @@ class RayCaster:
             packets: which rays do.
         """
         hits = unwritten_hits(origin, directions)
-        self._count(len(directions))
+        self._count(len(packets.order))
 
         def work(parts: NDArray[np.int64]) -> None:
             share_cast_packets(

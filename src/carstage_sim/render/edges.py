@@ -1,8 +1,8 @@
 """Which pixels one ray does not do justice to: edges of objects, of sides, and of contrast.
 
 Most are **rough**: more rays go through them. Where all around is like the pixel itself, one
-triangle or the leaves of a crown, more rays would meet what the pixels beside it show already: such
-an **even** pixel becomes the weighted mean of the nine.
+triangle or a crown with what shows between its leaves, more rays would meet what the pixels beside
+it show already: such an **even** pixel becomes the weighted mean of the nine.
 """
 
 from __future__ import annotations
@@ -13,16 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.kernels import device, kernel
-from carstage_sim.render.caster import Hits, Packets, RayCaster, picture_packets
+from carstage_sim.render.caster import Hits, RayCaster, picture_packets
+from carstage_sim.render.packet_simd import PACKET
 from carstage_sim.render.quality import Sampling
 from carstage_sim.render.scene import Frame
-from carstage_sim.render.simd import PACKET
 from carstage_sim.render.surface import is_leaf
 
 _ROWS = 16
 """Rows of pixels per piece of work."""
 _BENT = np.float32(0.9)
 """Cosine between the normals of two neighbours below which they show different sides."""
+_MOTTLED = 5
+"""Of the twelve pairs of pixels side by side in a square of nine, those that a leaf differs in from
+what is no leaf: an edge that runs straight through has at most four."""
 _ROUGH, EVEN = 1, 2
 """Marks of pixels; 0 for those that one ray does justice to."""
 
@@ -89,20 +92,63 @@ def _even_with(static, actors, detail, row, triangle, i, j):  # type: ignore[no-
     return is_leaf(detail[a]) and is_leaf(detail[b])
 
 
+@device
+def alike(static, actors, detail, row, triangle, i, j):  # type: ignore[no-untyped-def]
+    """Whether two hits are on one side of one object, or both on leaves, or both on nothing."""
+    if not _unlike(static, actors, row, triangle, i, j):
+        return True
+    return _even_with(static, actors, detail, row, triangle, i, j)
+
+
+@device
+def _leaf_at(static, actors, detail, row, triangle, i):  # type: ignore[no-untyped-def]
+    """1 where a pixel shows a leaf, else 0."""
+    if triangle[i] < 0:
+        return 0
+    surfaces = static if row[i] < 0 else actors
+    return 1 if is_leaf(detail[surfaces.material[triangle[i]]]) else 0
+
+
+@device
+def _is_even(row, triangle, leaf, i, width):  # type: ignore[no-untyped-def]
+    """Whether a pixel and the eight around it show one triangle, or leaves with gaps all over.
+
+    ``leaf`` has 1 where a pixel shows one. A crown's border, which leaves are on one side of, is
+    none of that.
+    """
+    same = triangle[i] >= 0
+    for v in range(-1, 2):
+        for u in range(-1, 2):
+            j = i + v * width + u
+            same = same and row[j] == row[i] and triangle[j] == triangle[i]
+    if same:
+        return True
+    changes, leaves = 0, 0
+    left_above, above, right_above = 0, 0, 0
+    for v in range(-1, 2):
+        j = i + v * width
+        left, here, right = int(leaf[j - 1]), int(leaf[j]), int(leaf[j + 1])
+        changes += abs(left - here) + abs(here - right)
+        if v > -1:
+            changes += abs(left - left_above) + abs(here - above) + abs(right - right_above)
+        leaves += left + here + right
+        left_above, above, right_above = left, here, right
+    return leaves == 9 or changes >= _MOTTLED
+
+
 @kernel
-def _find_even(static, actors, detail, row, triangle, width, height, first, last, marked):  # type: ignore[no-untyped-def]
-    """Mark those rough pixels of some rows that are like all eight around them."""
+def _find_leaves(static, actors, detail, row, triangle, first, last, leaf):  # type: ignore[no-untyped-def]
+    for i in range(first, last):
+        leaf[i] = _leaf_at(static, actors, detail, row, triangle, i)
+
+
+@kernel
+def _find_even(row, triangle, leaf, width, height, first, last, marked):  # type: ignore[no-untyped-def]
+    """Mark those rough pixels of some rows for which what is around them does."""
     for y in range(max(first, 1), min(last, height - 1)):
         for x in range(1, width - 1):
             i = y * width + x
-            if not marked[i]:
-                continue
-            even = True
-            for v in range(y - 1, y + 2):
-                for u in range(x - 1, x + 2):
-                    j = v * width + u
-                    even = even and _even_with(static, actors, detail, row, triangle, i, j)
-            if even:
+            if marked[i] and _is_even(row, triangle, leaf, i, width):
                 marked[i] = EVEN
 
 
@@ -124,15 +170,6 @@ def _gather(marked, order, starts, room, edges, begins):  # type: ignore[no-unty
             groups += 1
             begins[groups] = count
     return count, groups
-
-
-@kernel
-def _aim_again(directions, edges, offsets, first, last, rays):  # type: ignore[no-untyped-def]
-    samples = offsets.shape[0]
-    for e in range(first, last):
-        for k in range(samples):
-            for axis in range(3):
-                rays[e * samples + k, axis] = directions[edges[e], axis] + offsets[k, axis]
 
 
 class Rough(NamedTuple):
@@ -175,11 +212,17 @@ def rough_pixels(
     def mark(first: int, last: int) -> None:
         _mark(*met, hits.row, hits.triangle, codes, strong, weak, first, last, marks)
 
+    leaf = np.empty(height * width if sampling.blend else 0, np.int8)
+
+    def find_leaves(first: int, last: int) -> None:
+        _find_leaves(*met, detail, hits.row, hits.triangle, first, last, leaf)
+
     def find_even(first: int, last: int) -> None:
-        _find_even(*met, detail, hits.row, hits.triangle, width, height, first, last, marks)
+        _find_even(hits.row, hits.triangle, leaf, width, height, first, last, marks)
 
     caster.in_bands(height, mark, _ROWS)
     if sampling.blend:
+        caster.in_bands(height * width, find_leaves)
         caster.in_bands(height, find_even, _ROWS)
     packets = picture_packets(width, height)
     pixels = np.empty(height * width, np.int32)
@@ -187,28 +230,3 @@ def rough_pixels(
     room = max(PACKET // len(sampling.offsets), 1)
     count, groups = _gather(marks, packets.order, packets.starts, room, pixels, begins)
     return Rough(pixels[:count], begins[: groups + 1], marks)
-
-
-def sampled_again(
-    caster: RayCaster,
-    hits: Hits,
-    rough: Rough,
-    offsets: NDArray[np.float32],
-) -> tuple[NDArray[np.float32], Packets]:
-    """Directions of the other rays through some pixels, and which of them run side by side.
-
-    Args:
-        caster: runs the kernels.
-        hits: of the pixel centres.
-        rough: the pixels.
-        offsets: ``(K, 3)`` from the direction through a pixel's centre to each of its other rays.
-    """
-    rays = np.empty((len(rough.pixels) * len(offsets), 3), np.float32)
-
-    def aim(first: int, last: int) -> None:
-        _aim_again(hits.directions, rough.pixels, offsets, first, last, rays)
-
-    caster.in_bands(len(rough.pixels), aim)
-    return rays, Packets(
-        np.arange(len(rays), dtype=np.int32), rough.begins * np.int32(len(offsets))
-    )

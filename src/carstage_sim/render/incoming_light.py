@@ -39,13 +39,19 @@ def sun_is_up(light):  # type: ignore[no-untyped-def]
     return light.sun[0] + light.sun[1] + light.sun[2] > _LEAST_SUN
 
 
-@device
-def sky_radiance(light, x, y, z):  # type: ignore[no-untyped-def]
-    """Radiance of the sky in a unit direction; below the horizon that of the horizon."""
+@inlined
+def sky_place(light, x, y, z):  # type: ignore[no-untyped-def]
+    """Row and column of the sky's table in a unit direction; below the horizon, those of it."""
     rows, columns = light.sky.shape[0], light.sky.shape[1]
     row = math.sqrt(elevation(min(max(z, _ZERO), _ONE))) * np.float32(rows - 1)
     turn = turns(y, x)
-    column = (turn if turn >= 0 else turn + _ONE) * np.float32(columns)
+    return row, (turn if turn >= 0 else turn + _ONE) * np.float32(columns)
+
+
+@inlined
+def radiance_at(light, row, column):  # type: ignore[no-untyped-def]
+    """Radiance of the sky between four places of its table."""
+    rows, columns = light.sky.shape[0], light.sky.shape[1]
     i = min(int(row), rows - 2)
     j = min(int(column), columns - 1)
     k = j + 1 if j + 1 < columns else 0
@@ -60,6 +66,13 @@ def sky_radiance(light, x, y, z):  # type: ignore[no-untyped-def]
     high1 = p[i, j, 1] + (p[i, k, 1] - p[i, j, 1]) * b
     high2 = p[i, j, 2] + (p[i, k, 2] - p[i, j, 2]) * b
     return low0 + (high0 - low0) * a, low1 + (high1 - low1) * a, low2 + (high2 - low2) * a
+
+
+@device
+def sky_radiance(light, x, y, z):  # type: ignore[no-untyped-def]
+    """Radiance of the sky in a unit direction; below the horizon that of the horizon."""
+    row, column = sky_place(light, x, y, z)
+    return radiance_at(light, row, column)
 
 
 @inlined

@@ -1,8 +1,9 @@
-"""Colours that the extra rays of a pixel take from pixels beside it instead of being shaded.
+"""Extra rays of a pixel, and colours that they take from pixels beside it.
 
-Only where that cannot be seen: from pixels whose centres show the same triangle, and only while
-those agree with each other to a few codes. So textures, shadows and reflections are shaded wherever
-they differ from pixel to pixel.
+A ray amid four pixels that show one surface has the colour between theirs: it is not traced. The
+others are. Of those, a ray takes the colour of a pixel beside it only where that cannot be seen:
+from pixels whose centres show the same triangle, and only while those agree with each other to a
+few codes. So shadows and reflections along edges are shaded wherever they differ.
 """
 
 from __future__ import annotations
@@ -14,7 +15,9 @@ from numpy.typing import NDArray
 
 from carstage_sim.kernels import device, kernel
 from carstage_sim.render.caster import Hits, Packets, RayCaster
-from carstage_sim.render.simd import PACKET
+from carstage_sim.render.edges import Rough, alike
+from carstage_sim.render.packet_simd import PACKET
+from carstage_sim.render.scene import Frame
 
 _FIXED: Any = np.float32(0.001)
 _SHARE: Any = np.float32(0.0107)
@@ -34,34 +37,76 @@ def _like(colours, i, j, codes):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def _mix(  # type: ignore[no-untyped-def]
+    static, actors, detail, row, triangle, width, height, colours, edges, towards, shares,
+    first, last, again, open_,
+):  # fmt: skip
+    """Give the extra rays of pixels the colour between four that show one surface."""
+    samples = towards.shape[0]
+    for e in range(first, last):
+        i = edges[e]
+        y, x = i // width, i % width
+        for k in range(samples):
+            ray = e * samples + k
+            open_[ray] = True
+            u, v = x + towards[k, 0], y + towards[k, 1]
+            if u < 0 or v < 0 or u >= width or v >= height:
+                continue
+            beside, below, across = y * width + u, v * width + x, v * width + u
+            if not (
+                alike(static, actors, detail, row, triangle, i, beside)
+                and alike(static, actors, detail, row, triangle, i, below)
+                and alike(static, actors, detail, row, triangle, i, across)
+            ):
+                continue
+            open_[ray] = False
+            right, down = shares[k, 0], shares[k, 1]
+            for channel in range(3):
+                level = colours[i, channel]
+                level += (colours[beside, channel] - level) * right
+                under = colours[below, channel]
+                under += (colours[across, channel] - under) * right
+                again[ray, channel] = level + (under - level) * down
+
+
+@kernel
+def _aim_again(directions, edges, offsets, rays, first, last, aimed):  # type: ignore[no-untyped-def]
+    samples = offsets.shape[0]
+    for place in range(first, last):
+        ray = rays[place]
+        pixel, k = edges[ray // samples], ray % samples
+        for axis in range(3):
+            aimed[ray, axis] = directions[pixel, axis] + offsets[k, axis]
+
+
+@kernel
 def _lend(  # type: ignore[no-untyped-def]
-    row, triangle, width, height, colours, edges, towards, row_of, triangle_of, first, last, again,
-    open_,
+    row, triangle, width, height, colours, edges, towards, row_of, triangle_of, rays, first, last,
+    again, open_,
 ):  # fmt: skip
     """Give the extra rays of pixels the colour of a pixel beside them, or leave them open."""
     samples = towards.shape[0]
-    for e in range(first, last):
-        pixel = edges[e]
+    for number in range(first, last):
+        ray = rays[number]
+        pixel, k = edges[ray // samples], ray % samples
         y, x = pixel // width, pixel % width
-        for k in range(samples):
-            ray = e * samples + k
-            found = -1
-            agree = True
-            for place in range(4):
-                u = x + towards[k, 0] * (place & 1)
-                v = y + towards[k, 1] * (place >> 1)
-                if u < 0 or v < 0 or u >= width or v >= height:
-                    continue
-                j = v * width + u
-                if row[j] != row_of[ray] or triangle[j] != triangle_of[ray]:
-                    continue
-                if found < 0:
-                    found = j
-                agree = agree and _like(colours, found, j, _SAMPLE_CODES)
-            open_[ray] = found < 0 or not agree
-            if found >= 0 and agree:
-                for channel in range(3):
-                    again[ray, channel] = colours[found, channel]
+        found = -1
+        agree = True
+        for place in range(4):
+            u = x + towards[k, 0] * (place & 1)
+            v = y + towards[k, 1] * (place >> 1)
+            if u < 0 or v < 0 or u >= width or v >= height:
+                continue
+            j = v * width + u
+            if row[j] != row_of[ray] or triangle[j] != triangle_of[ray]:
+                continue
+            if found < 0:
+                found = j
+            agree = agree and _like(colours, found, j, _SAMPLE_CODES)
+        open_[ray] = found < 0 or not agree
+        if found >= 0 and agree:
+            for channel in range(3):
+                again[ray, channel] = colours[found, channel]
 
 
 @kernel
@@ -81,6 +126,89 @@ def _gather(open_, order, starts, chosen, begins):  # type: ignore[no-untyped-de
         groups += 1
         begins[groups] = count
     return count, groups
+
+
+def _towards(offsets: NDArray[np.float32]) -> NDArray[np.int32]:
+    """``(K, 2)`` which way, right and down, the other three of the pixels around a place are."""
+    towards: NDArray[np.int32] = np.where(offsets < 0.0, np.int32(-1), np.int32(1))
+    return towards
+
+
+def _packed(open_: NDArray[np.bool_], packets: Packets) -> Packets:
+    chosen = np.empty(len(packets.order), np.int32)
+    begins = np.empty(len(packets.starts), np.int32)
+    count, groups = _gather(open_, packets.order, packets.starts, chosen, begins)
+    return Packets(chosen[:count], begins[: groups + 1])
+
+
+def extra_rays(rough: Rough, samples: int) -> Packets:
+    """All extra rays of the rough pixels, ``samples`` of each; which of them run side by side."""
+    rays = np.arange(len(rough.pixels) * samples, dtype=np.int32)
+    return Packets(rays, rough.begins * np.int32(samples))
+
+
+def mixed(
+    caster: RayCaster,
+    frame: Frame,
+    detail: NDArray[np.uint8],
+    hits: Hits,
+    size: tuple[int, int],
+    colours: NDArray[np.float32],
+    edges: NDArray[np.int32],
+    offsets: NDArray[np.float32],
+    packets: Packets,
+    out: NDArray[np.float32],
+) -> Packets:
+    """Colour the extra rays amid pixels that show one surface; which are still to be traced.
+
+    Args:
+        caster: runs the kernels.
+        frame: what was seen.
+        detail: ``(M,)`` uint8 pattern of each material.
+        hits: of the picture.
+        size: its width and height.
+        colours: ``(N, 3)`` of its pixels.
+        edges: pixels that the extra rays go through, ``K`` for each.
+        offsets: ``(K, 2)`` where, right and down from a pixel's centre, in pixels.
+        packets: all extra rays, those that run side by side together.
+        out: ``(E * K, 3)`` receives their colours.
+    """
+    open_ = np.empty(len(out), np.bool_)
+    towards, shares = _towards(offsets), np.abs(offsets)
+
+    def work(first: int, last: int) -> None:
+        _mix(
+            frame.static, frame.actors, detail, hits.row, hits.triangle, *size, colours, edges,
+            towards, shares, first, last, out, open_,
+        )  # fmt: skip
+
+    caster.in_bands(len(edges), work)
+    return _packed(open_, packets)
+
+
+def aimed_again(
+    caster: RayCaster,
+    hits: Hits,
+    edges: NDArray[np.int32],
+    offsets: NDArray[np.float32],
+    packets: Packets,
+) -> NDArray[np.float32]:
+    """``(E * K, 3)`` directions of the extra rays in ``packets``; the others are unwritten.
+
+    Args:
+        caster: runs the kernels.
+        hits: of the picture.
+        edges: pixels that the extra rays go through.
+        offsets: ``(K, 3)`` from the direction through a pixel's centre to each of its other rays.
+        packets: the rays that are to be traced.
+    """
+    rays = np.empty((len(edges) * len(offsets), 3), np.float32)
+
+    def work(first: int, last: int) -> None:
+        _aim_again(hits.directions, edges, offsets, packets.order, first, last, rays)
+
+    caster.in_bands(len(packets.order), work)
+    return rays
 
 
 def lent(
@@ -105,20 +233,17 @@ def lent(
         offsets: ``(K, 2)`` where, right and down from a pixel's centre; a ray takes colours from
             the four pixels whose centres are around it.
         again: hits of the extra rays.
-        packets: which of them run side by side.
+        packets: those that were traced.
         out: ``(E * K, 3)`` receives their colours.
     """
-    open_ = np.zeros(len(out), np.bool_)
-    towards = np.where(offsets < 0.0, np.int32(-1), np.int32(1))
+    open_ = np.empty(len(out), np.bool_)
+    towards = _towards(offsets)
 
     def work(first: int, last: int) -> None:
         _lend(
             hits.row, hits.triangle, *size, colours, edges, towards, again.row, again.triangle,
-            first, last, out, open_,
+            packets.order, first, last, out, open_,
         )  # fmt: skip
 
-    caster.in_bands(len(edges), work)
-    chosen = np.empty(len(packets.order), np.int32)
-    begins = np.empty(len(packets.starts), np.int32)
-    count, groups = _gather(open_, packets.order, packets.starts, chosen, begins)
-    return Packets(chosen[:count], begins[: groups + 1])
+    caster.in_bands(len(packets.order), work)
+    return _packed(open_, packets)

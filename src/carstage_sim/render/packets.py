@@ -15,19 +15,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.kernels import device
-from carstage_sim.render.cast import NOTHING, STATIC, Scratch, new_scratch, trace, trace_actors
-from carstage_sim.render.leaves import is_gap
-from carstage_sim.render.simd import (
-    LANES,
-    PACKET,
+from carstage_sim.render.beam_simd import (
     boxes_in_beam,
-    largest,
-    lowest_bit,
+    enclose_rays,
     rays_hit,
     rows_in_beam,
+    shear_rays,
     triangles_in_beam,
 )
+from carstage_sim.render.cast import NOTHING, STATIC, Scratch, new_scratch, trace, trace_actors
+from carstage_sim.render.leaves import is_gap
+from carstage_sim.render.packet_simd import PACKET, largest
+from carstage_sim.render.simd import lowest_bit
+from carstage_sim.render.vector_code import LANES
 
+TOGETHER = 4 * PACKET
+"""Rays of which some that run side by side are chosen."""
 _ROWS = PACKET // LANES
 _ONE: Any = np.float32(1)
 _LEAST_AHEAD: Any = np.float32(0.25)
@@ -47,20 +50,22 @@ class PacketScratch(NamedTuple):
     Attributes:
         single: of rays that are traced alone.
         ways: ``(3, 64)`` float32 the rays' directions, x, y, z.
-        rays: ``(4, 64)`` float32; see :func:`carstage_sim.render.simd.rays_hit`.
+        rays: ``(4, 64)`` float32; see :func:`carstage_sim.render.beam_simd.rays_hit`.
         weights: ``(2, 64)`` float32 of what they met.
         triangle: ``(64,)`` int32 what they met, -1 for nothing.
-        beam: ``(19,)`` float32; see :func:`carstage_sim.render.simd.boxes_in_beam`.
-        axes: ``(13,)`` float32; see :func:`carstage_sim.render.simd.triangles_in_beam`.
+        beam: ``(19,)`` float32; see :func:`carstage_sim.render.beam_simd.boxes_in_beam`.
+        axes: ``(13,)`` float32; see :func:`carstage_sim.render.beam_simd.triangles_in_beam`.
         slopes: ``(5, 8)`` float32 of each row of eight rays; see
-            :func:`carstage_sim.render.simd.rows_in_beam` and ``rows_in_shaft``.
+            :func:`carstage_sim.render.beam_simd.rows_in_beam` and ``rows_in_shaft``.
         places: ``(32,)`` float32 slopes of eight triangles.
         found: ``(3, 64)`` float32 where the rays meet a triangle, and its weights there.
         starts: ``(3, 64)`` float32 origins of parallel rays.
-        from_: ``(3, 64)`` float32 places that parallel rays are wanted from.
+        from_: ``(4, 256)`` float32 places that parallel rays are wanted from, and how far from the
+            camera each is, about.
         wanted: ``(1,)`` int32 how many of them.
-        met: ``(64,)`` float32 how far what they met is, negative for nothing.
-        open, group: ``(64,)`` int32 places not traced yet, and those being traced.
+        met: ``(256,)`` float32 how far what they met is, negative for nothing.
+        open: ``(256,)`` int32 places not traced yet.
+        group: ``(64,)`` int32 those being traced.
     """
 
     single: Scratch
@@ -95,43 +100,28 @@ def new_packet_scratch() -> PacketScratch:
         np.empty(4 * LANES, np.float32),
         np.empty((3, PACKET), np.float32),
         np.empty((3, PACKET), np.float32),
-        np.empty((3, PACKET), np.float32),
+        np.empty((4, TOGETHER), np.float32),
         np.zeros(1, np.int32),
-        np.empty(PACKET, np.float32),
-        np.empty(PACKET, np.int32),
+        np.empty(TOGETHER, np.float32),
+        np.empty(TOGETHER, np.int32),
         np.empty(PACKET, np.int32),
     )
 
 
 @device
 def _aim(memory, count):  # type: ignore[no-untyped-def]
-    """Put planes around the rays of a packet; whether they run side by side.
+    """Put planes around whole rows of rays; whether they run side by side.
 
     Also fills what its triangle tests need. Which axis they look along is returned, 0 to 2, or -1
     where the rays have to be traced one by one.
     """
     ways, beam, axes, slopes = memory.ways, memory.beam, memory.axes, memory.slopes
-    x, y, z = np.float32(0), np.float32(0), np.float32(0)
-    main = -1
-    for i in range(count):
-        dx, dy, dz = ways[0, i], ways[1, i], ways[2, i]
-        ax, ay, az = abs(dx), abs(dy), abs(dz)
-        axis = 0 if ax >= ay and ax >= az else (1 if ay >= az else 2)
-        if main < 0:
-            main = axis
-        if axis != main:
-            return -1
-        x, y, z = x + dx, y + dy, z + dz
-        if main == 0:
-            sz = _ONE / dx
-            memory.rays[0, i], memory.rays[1, i] = dy * sz, dz * sz
-        elif main == 1:
-            sz = _ONE / dy
-            memory.rays[0, i], memory.rays[1, i] = dz * sz, dx * sz
-        else:
-            sz = _ONE / dz
-            memory.rays[0, i], memory.rays[1, i] = dx * sz, dy * sz
-        memory.rays[2, i] = sz
+    numbers, groups = memory.places, count // LANES
+    ax, ay, az = abs(ways[0, 0]), abs(ways[1, 0]), abs(ways[2, 0])
+    main = 0 if ax >= ay and ax >= az else (1 if ay >= az else 2)
+    if not shear_rays(ways, groups, main, memory.rays, numbers):
+        return -1
+    x, y, z = numbers[0], numbers[1], numbers[2]
     length = math.sqrt(x * x + y * y + z * z)
     if not length > np.float32(0):
         return -1
@@ -147,26 +137,15 @@ def _aim(memory, count):  # type: ignore[no-untyped-def]
         flat = math.sqrt(x * x + y * y)
         ux, uy, uz = -y / flat, x / flat, np.float32(0)
         vx, vy, vz = -z * uy, z * ux, x * uy - y * ux
-    least_u, most_u = np.float32(np.inf), np.float32(-np.inf)
-    least_v, most_v = np.float32(np.inf), np.float32(-np.inf)
-    reach = np.float32(0)
-    groups = (count + LANES - 1) // LANES
+    axes[0], axes[1], axes[2] = ux, uy, uz
+    axes[3], axes[4], axes[5] = vx, vy, vz
+    axes[6], axes[7], axes[8] = x, y, z
+    if not enclose_rays(ways, groups, axes, _LEAST_AHEAD, slopes, numbers):
+        return -1
     for g in range(groups):
-        low, high = np.float32(np.inf), np.float32(-np.inf)
-        for i in range(g * LANES, min(g * LANES + LANES, count)):
-            dx, dy, dz = ways[0, i], ways[1, i], ways[2, i]
-            ahead = dx * x + dy * y + dz * z
-            straight = dx * dx + dy * dy + dz * dz
-            if not (ahead > np.float32(0) and ahead * ahead > _LEAST_AHEAD * straight):
-                return -1
-            inverse = _ONE / ahead
-            u = (dx * ux + dy * uy + dz * uz) * inverse
-            v = (dx * vx + dy * vy + dz * vz) * inverse
-            least_u, most_u = min(least_u, u), max(most_u, u)
-            low, high = min(low, v), max(high, v)
-            reach = max(reach, ahead)
-        slopes[0, g], slopes[1, g] = low - _SLACK, high + _SLACK
-        least_v, most_v = min(least_v, low), max(most_v, high)
+        slopes[0, g], slopes[1, g] = slopes[0, g] - _SLACK, slopes[1, g] + _SLACK
+    least_u, most_u, least_v, most_v = numbers[0], numbers[1], numbers[2], numbers[3]
+    reach = numbers[4]
     least_u, most_u = least_u - _SLACK, most_u + _SLACK
     least_v, most_v = least_v - _SLACK, most_v + _SLACK
     beam[3], beam[4], beam[5] = ux - least_u * x, uy - least_u * y, uz - least_u * z
@@ -175,9 +154,6 @@ def _aim(memory, count):  # type: ignore[no-untyped-def]
     beam[12], beam[13], beam[14] = most_v * x - vx, most_v * y - vy, most_v * z - vz
     beam[_MIDDLE], beam[_MIDDLE + 1], beam[_MIDDLE + 2] = x, y, z
     beam[_REACH] = _ONE / (reach * (_ONE + _SLACK))
-    axes[0], axes[1], axes[2] = ux, uy, uz
-    axes[3], axes[4], axes[5] = vx, vy, vz
-    axes[6], axes[7], axes[8] = x, y, z
     axes[_BOUNDS], axes[_BOUNDS + 1] = least_u, most_u
     axes[_BOUNDS + 2], axes[_BOUNDS + 3] = least_v, most_v
     return main

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from carstage_sim.render.bvh import build_tree, refitted_tree
 from carstage_sim.render.cast import NOTHING
 from carstage_sim.render.caster import Hits, Packets, RayCaster, picture_packets, unwritten_hits
-from carstage_sim.render.edges import rough_pixels, sampled_again
+from carstage_sim.render.edges import rough_pixels
 from carstage_sim.render.film import Film, develop, develop_even, develop_means, film_codes
-from carstage_sim.render.lending import lent
+from carstage_sim.render.lending import aimed_again, extra_rays, lent, mixed
 from carstage_sim.render.materials import material_table
 from carstage_sim.render.motion import earlier_places, no_motion
 from carstage_sim.render.normals import smooth_normals
@@ -94,13 +94,17 @@ class PictureMaker:
         nowhere = (np.zeros(2), np.zeros(2))
         earlier_places(no_motion(0), hits, nowhere, (1.0, 1.0))
         film, pixels = Film(), np.zeros((1, 2, 4), np.uint8)
-        rough = rough_pixels(
+        marks = rough_pixels(
             self._caster, frame, self._materials.detail, hits, pixels, SAMPLING[Quality.LOW]
-        )
-        sampled_again(self._caster, hits, rough, np.zeros((1, 3), np.float32))
+        ).marks
+        aimed_again(self._caster, hits, packets.order, np.zeros((1, 3), np.float32), packets)
+        mixed(
+            self._caster, frame, self._materials.detail, hits, (2, 1), colours, packets.order,
+            middle, packets, colours.copy(),
+        )  # fmt: skip
         nothing = np.zeros((2, 3), np.float32)
         self._develop(film, nothing, pixels)
-        self._develop_even(film, nothing, rough.marks, pixels)
+        self._develop_even(film, nothing, marks, pixels)
         self._develop_means(film, nothing, nothing, np.arange(2, dtype=np.int32), pixels)
         line = np.array([[[2.0, 0.0, 0.0], [2.0, 1.0, 0.0]]])
         draw_shapes(
@@ -164,19 +168,24 @@ class PictureMaker:
             right = (picture.rotation[:, 1] * angle).astype(np.float32)
             down = (-picture.rotation[:, 2] * angle).astype(np.float32)
             offsets = places[:, :1] * right + places[:, 1:] * down
-            rays, packets = sampled_again(self._caster, picture.hits, rough, offsets)
+            size = (picture.width, picture.height)
+            again = np.empty((len(edges) * len(places), 3), np.float32)
+            packets = extra_rays(rough, len(places))
+            if not self._epic:
+                packets = mixed(
+                    self._caster, frame, self._materials.detail, picture.hits, size, colours,
+                    edges, places, packets, again,
+                )  # fmt: skip
             hits = self._caster.cast_together(
                 frame.scene,
                 picture.hits.origin,
-                rays,
+                aimed_again(self._caster, picture.hits, edges, offsets, packets),
                 packets,
                 low=picture.low,
                 high=picture.high,
                 skip_row=picture.skip_row,
             )
-            again = np.empty((len(rays), 3), np.float32)
             if not self._epic:
-                size = (picture.width, picture.height)
                 packets = lent(
                     self._caster, picture.hits, size, colours, edges, places, hits, packets, again
                 )

@@ -25,7 +25,7 @@ from carstage_sim.render.object_appearance import (
     ObjectAppearance,
     object_appearance,
 )
-from carstage_sim.render.simd import LANES
+from carstage_sim.render.vector_code import LANES
 from carstage_sim.world.town_changes import TownChanges
 
 PAINTS = len(Paint)

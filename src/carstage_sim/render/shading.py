@@ -29,8 +29,10 @@ from carstage_sim.render.incoming_light import (
     openness,
     overhang_share,
     overhang_way,
+    radiance_at,
     sees_sun,
     sky_irradiance,
+    sky_place,
     sky_radiance,
     sun_is_up,
     sun_may_reach,
@@ -40,10 +42,10 @@ from carstage_sim.render.incoming_light import (
 from carstage_sim.render.lamps import Lamps, glow, lamp_light
 from carstage_sim.render.materials import Glow, MaterialTable, Paint
 from carstage_sim.render.object_appearance import ObjectAppearance
-from carstage_sim.render.packets import PacketScratch, new_packet_scratch
+from carstage_sim.render.packet_simd import PACKET
+from carstage_sim.render.packets import TOGETHER, PacketScratch, new_packet_scratch
 from carstage_sim.render.scene import Surfaces
 from carstage_sim.render.shafts import trace_along
-from carstage_sim.render.simd import PACKET
 from carstage_sim.render.sky import Lighting
 from carstage_sim.render.stars import starlight
 from carstage_sim.render.surface import facing_normals, is_leaf, surface_material, water
@@ -120,6 +122,8 @@ _SHARPEST_GLINT: Any = np.float32(2000.0)
 """Strength of the sun's reflection, and its greatest exponent."""
 
 
+_PACKETS = TOGETHER // PACKET
+"""Packets that are shaded together: rays to the sun from neighbours run side by side."""
 _DISTANCE, _RISE, _SUNWARDS = 3, 4, 5
 """Rows of ``ShadeScratch.seen`` after the three of the colour."""
 
@@ -352,7 +356,12 @@ def _uncovered(frame, scratch, skip, epic, o, g, distance, kinds):  # type: igno
 @inlined
 def _unit(directions, i):  # type: ignore[no-untyped-def]
     """Unit direction of ray ``i``, and its length."""
-    dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
+    return _unit_of(directions[i, 0], directions[i, 1], directions[i, 2])
+
+
+@inlined
+def _unit_of(dx, dy, dz):  # type: ignore[no-untyped-def]
+    """Unit direction of a vector, and its length."""
     length = math.sqrt(dx * dx + dy * dy + dz * dz)
     return dx / length, dy / length, dz / length, length
 
@@ -515,9 +524,9 @@ def _lamps_on(frame):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _sky_met(light, d, pixel_angle):  # type: ignore[no-untyped-def]
-    """Radiance of the sky, the stars and the sun's disc in a unit direction."""
-    r, g, b = sky_radiance(light, d[0], d[1], d[2])
+def _sky_met(light, d, pixel_angle, colour):  # type: ignore[no-untyped-def]
+    """Radiance of the sky of a colour, the stars and the sun's disc in a unit direction."""
+    r, g, b = colour
     if light.stars > 0:
         star = starlight(d[0], d[1], d[2], pixel_angle)
         r += star[0] * light.stars
@@ -557,7 +566,8 @@ def shade_rays(frame, rays, scratch, epic, first, last, out):  # type: ignore[no
         d = (dx, dy, dz)
         if rays.row[i] == NOTHING:
             distance = _SKY_M
-            r, g, b = _sky_met(light, d, rays.pixel_angle)
+            sky = sky_radiance(light, dx, dy, dz)
+            r, g, b = _sky_met(light, d, rays.pixel_angle, sky)
         else:
             distance = rays.t[i] * length
             normals = _normals_met(frame, rays, i, d)
@@ -586,13 +596,15 @@ class ShadeScratch(NamedTuple):
 
     Attributes:
         packet: of the rays that are traced.
-        normals: ``(6, 64)`` float32 see :func:`_normals_met`.
-        free: ``(64,)`` float32 share of the sky's light that comes to what each ray met.
-        leaves, sunlit, covered: ``(64,)`` bool: whether it is leaves, whether the sun reaches it,
+        normals: ``(6, 256)`` float32 see :func:`_normals_met`.
+        free: ``(256,)`` float32 share of the sky's light that comes to what each ray met.
+        leaves, sunlit, covered: ``(256,)`` bool: whether it is leaves, whether the sun reaches it,
             whether something may stand right above it.
-        which: ``(64,)`` int32 rays for which others are traced.
-        seen: ``(6, 64)`` float32 radiance (red, green, blue) of what each ray met, how far that is,
-            and the ray's rise and cosine with the sun.
+        which: ``(256,)`` int32 rays for which others are traced.
+        seen: ``(6, 256)`` float32 radiance (red, green, blue) of what each ray met, how far that
+            is, and the ray's rise and cosine with the sun.
+        sky: ``(5, 256)`` float32 unit directions (x, y, z) of the rays that met nothing, and their
+            places in the sky's table.
     """
 
     packet: PacketScratch
@@ -603,36 +615,38 @@ class ShadeScratch(NamedTuple):
     covered: NDArray[np.bool_]
     which: NDArray[np.int32]
     seen: NDArray[np.float32]
+    sky: NDArray[np.float32]
 
 
 def new_shade_scratch() -> ShadeScratch:
     """Working memory for one thread."""
     return ShadeScratch(
         new_packet_scratch(),
-        np.empty((6, PACKET), np.float32),
-        np.empty(PACKET, np.float32),
-        np.empty(PACKET, np.bool_),
-        np.empty(PACKET, np.bool_),
-        np.empty(PACKET, np.bool_),
-        np.empty(PACKET, np.int32),
-        np.empty((6, PACKET), np.float32),
+        np.empty((6, TOGETHER), np.float32),
+        np.empty(TOGETHER, np.float32),
+        np.empty(TOGETHER, np.bool_),
+        np.empty(TOGETHER, np.bool_),
+        np.empty(TOGETHER, np.bool_),
+        np.empty(TOGETHER, np.int32),
+        np.empty((6, TOGETHER), np.float32),
+        np.empty((5, TOGETHER), np.float32),
     )
 
 
 @device
-def _want(packet, which, i, start):  # type: ignore[no-untyped-def]
+def _want(packet, which, i, start, distance):  # type: ignore[no-untyped-def]
     """Put down that a ray from a place is wanted for ray ``i``."""
     k = packet.wanted[0]
     packet.from_[0, k], packet.from_[1, k], packet.from_[2, k] = start[0], start[1], start[2]
+    packet.from_[3, k] = distance
     which[k] = i
     packet.wanted[0] = k + 1
 
 
 @device
 def _find_light(frame, rays, memory, order, begin, count, epic):  # type: ignore[no-untyped-def]
-    """What comes of sun and sky to the places that a packet met, into ``memory``."""
+    """What comes of sun and sky to the places that packets met, into ``memory``."""
     light, packet, which = frame.light, memory.packet, memory.which
-    nearest = _SKY_M
     packet.wanted[0] = 0
     for i in range(count):
         ray = order[begin + i]
@@ -643,7 +657,6 @@ def _find_light(frame, rays, memory, order, begin, count, epic):  # type: ignore
         dx, dy, dz, length = _unit(rays.directions, ray)
         d = (dx, dy, dz)
         distance = rays.t[ray] * length
-        nearest = min(nearest, distance)
         normals = _normals_met(frame, rays, ray, d)
         n, way = (normals[0], normals[1], normals[2]), (normals[3], normals[4], normals[5])
         leaves = normals[6]
@@ -661,11 +674,9 @@ def _find_light(frame, rays, memory, order, begin, count, epic):  # type: ignore
         else:
             memory.covered[i] = _is_covered_ground(rays.row[ray], way, distance)
         if sun_may_reach(light, n, way, leaves):
-            _want(packet, which, i, sun_start(light, p, o, leaves))
+            _want(packet, which, i, sun_start(light, p, o, leaves), distance)
     s = light.sun_direction
-    trace_along(
-        frame.scene, packet, (s[0], s[1], s[2]), RAY_NEAR_M, SHADOW_M, rays.skip, True, nearest
-    )
+    trace_along(frame.scene, packet, (s[0], s[1], s[2]), RAY_NEAR_M, SHADOW_M, rays.skip, True)
     for k in range(packet.wanted[0]):
         memory.sunlit[which[k]] = packet.met[k] < _ZERO
     packet.wanted[0] = 0
@@ -677,13 +688,36 @@ def _find_light(frame, rays, memory, order, begin, count, epic):  # type: ignore
         d = (dx, dy, dz)
         distance = rays.t[ray] * length
         way = (memory.normals[3, i], memory.normals[4, i], memory.normals[5, i])
-        _want(packet, which, i, _lifted(_place_met(rays, d, distance), way, distance))
-    trace_along(
-        frame.scene, packet, overhang_way(), RAY_NEAR_M, OVERHANG_M, rays.skip, False, nearest
-    )
+        start = _lifted(_place_met(rays, d, distance), way, distance)
+        _want(packet, which, i, start, distance)
+    trace_along(frame.scene, packet, overhang_way(), RAY_NEAR_M, OVERHANG_M, rays.skip, False)
     for k in range(packet.wanted[0]):
         if packet.met[k] >= _ZERO:
             memory.free[which[k]] = overhang_share(packet.met[k])
+
+
+@device
+def _see_sky(light, rays, memory, order, begin, count):  # type: ignore[no-untyped-def]
+    """What the rays see that met nothing; the loop that has no branches runs eight at a time."""
+    sky, seen, which = memory.sky, memory.seen, memory.which
+    met = 0
+    for k in range(count):
+        i = order[begin + k]
+        if rays.row[i] == NOTHING:
+            for axis in range(3):
+                sky[axis, met] = rays.directions[i, axis]
+            which[met] = k
+            met += 1
+    for j in range(met):
+        dx, dy, dz, _ = _unit_of(sky[0, j], sky[1, j], sky[2, j])
+        sky[0, j], sky[1, j], sky[2, j] = dx, dy, dz
+        sky[3, j], sky[4, j] = sky_place(light, dx, dy, dz)
+    for j in range(met):
+        k, d = which[j], (sky[0, j], sky[1, j], sky[2, j])
+        colour = radiance_at(light, sky[3, j], sky[4, j])
+        seen[0, k], seen[1, k], seen[2, k] = _sky_met(light, d, rays.pixel_angle, colour)
+        seen[_DISTANCE, k], seen[_RISE, k] = _SKY_M, d[2]
+        seen[_SUNWARDS, k] = _towards_sun(light, d)
 
 
 @device
@@ -724,29 +758,27 @@ def shade_packets(frame, rays, memory, epic, order, starts, first, last, out):  
     """
     light = frame.light
     lamps_on = _lamps_on(frame)
-    for number in range(first, last):
+    for number in range(first, last, _PACKETS):
         begin = starts[number]
-        count = starts[number + 1] - begin
+        count = starts[min(number + _PACKETS, last)] - begin
         _find_light(frame, rays, memory, order, begin, count, epic)
+        _see_sky(light, rays, memory, order, begin, count)
         for k in range(count):
             i = order[begin + k]
+            if rays.row[i] == NOTHING:
+                continue
             dx, dy, dz, length = _unit(rays.directions, i)
             d = (dx, dy, dz)
-            if rays.row[i] == NOTHING:
-                distance = _SKY_M
-                r, g, b = _sky_met(light, d, rays.pixel_angle)
-            else:
-                distance = rays.t[i] * length
-                met = memory.normals
-                normals = (
-                    met[0, k], met[1, k], met[2, k], met[3, k], met[4, k], met[5, k],
-                    memory.leaves[k],
-                )  # fmt: skip
-                r, g, b = _hit_radiance(
-                    frame, rays, memory.packet.single, epic, lamps_on, i, d, distance, normals,
-                    memory.free[k], memory.sunlit[k],
-                )  # fmt: skip
-            seen = memory.seen
+            distance = rays.t[i] * length
+            met, seen = memory.normals, memory.seen
+            normals = (
+                met[0, k], met[1, k], met[2, k], met[3, k], met[4, k], met[5, k],
+                memory.leaves[k],
+            )  # fmt: skip
+            r, g, b = _hit_radiance(
+                frame, rays, memory.packet.single, epic, lamps_on, i, d, distance, normals,
+                memory.free[k], memory.sunlit[k],
+            )  # fmt: skip
             seen[0, k], seen[1, k], seen[2, k] = r, g, b
             seen[_DISTANCE, k], seen[_RISE, k] = distance, d[2]
             seen[_SUNWARDS, k] = _towards_sun(light, d)

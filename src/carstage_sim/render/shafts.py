@@ -13,22 +13,23 @@ import numpy as np
 from carstage_sim.kernels import device
 from carstage_sim.render.cast import NOTHING, trace_actors
 from carstage_sim.render.leaves import is_gap
-from carstage_sim.render.simd import (
-    LANES,
-    PACKET,
+from carstage_sim.render.packet_simd import PACKET, largest
+from carstage_sim.render.shaft_simd import (
     boxes_in_shaft,
-    largest,
-    lowest_bit,
     parallel_rays_hit,
     rows_in_shaft,
     triangles_in_shaft,
 )
+from carstage_sim.render.simd import lowest_bit
+from carstage_sim.render.vector_code import LANES
 
 _ONE: Any = np.float32(1)
 _SLACK_M: Any = np.float32(2e-5)
 _NEAR_M: Any = np.float32(2.0)
 _NEAR_PER_M: Any = np.float32(0.04)
 """Origins of a group are so near to the first one, and farther by the distance of the camera."""
+_AWAY = 3
+"""Row of ``from_`` after the three of the place."""
 _FARTHEST = 3
 """Row of ``rays``."""
 _ROW_FARTHEST = 4
@@ -219,7 +220,7 @@ def _trace_group(scene, memory, d, low, high, skip, any_hit, count):  # type: ig
 
 
 @device
-def trace_along(scene, memory, d, low, high, skip, any_hit, away):  # type: ignore[no-untyped-def]
+def trace_along(scene, memory, d, low, high, skip, any_hit):  # type: ignore[no-untyped-def]
     """Trace rays of one direction from the first ``memory.wanted[0]`` places of ``memory.from_``.
 
     Args:
@@ -229,25 +230,25 @@ def trace_along(scene, memory, d, low, high, skip, any_hit, away):  # type: igno
         low, high: interval of the ray parameter.
         skip: instance row that is not met, or a negative number.
         any_hit: whatever a ray meets is enough, however far away.
-        away: how far the places are from the camera, about.
 
     Returns:
         nothing; ``memory.met`` has the distance of what each ray meets, or a negative number. With
         ``any_hit`` the distance is 0.
     """
     count = memory.wanted[0]
-    reach = _NEAR_M + away * _NEAR_PER_M
     for i in range(count):
         memory.open[i] = i
     left = count
     while left:
         first = memory.open[0]
         x, y, z = memory.from_[0, first], memory.from_[1, first], memory.from_[2, first]
+        reach = _NEAR_M + memory.from_[_AWAY, first] * _NEAR_PER_M
         held, kept = 0, 0
         for k in range(left):
             i = memory.open[k]
             if (
-                abs(memory.from_[0, i] - x) <= reach
+                held < PACKET
+                and abs(memory.from_[0, i] - x) <= reach
                 and abs(memory.from_[1, i] - y) <= reach
                 and abs(memory.from_[2, i] - z) <= reach
             ):

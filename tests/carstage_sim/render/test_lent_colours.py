@@ -1,4 +1,4 @@
-"""Extra rays take the colours of pixels beside them only where those agree."""
+"""Which extra rays are not traced or not shaded, and the colours that they take."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from carstage_sim.render.caster import Hits, RayCaster, picture_packets
-from carstage_sim.render.lending import lent
+from carstage_sim.render.edges import Rough
+from carstage_sim.render.lending import aimed_again, extra_rays, lent, mixed
+from carstage_sim.render.materials import material_table
+from ray_scenes import frame_of, soup
 
 pytestmark = pytest.mark.xdist_group("kernels")
 
@@ -70,3 +73,55 @@ def test_only_the_four_pixels_around_a_ray_lend():
     colour[17, 1] = 0.24
     assert shown(colour, met=(-1, 3), offset=(-0.3, -0.2))[1] == [], "it is on the other side"
     assert shown(colour, offset=(0.3, 0.2))[1] == [0], "pixel 11 is on the other side"
+
+
+def between(colour, *, at=12, offset=(-0.3, 0.2), **others):
+    """The colour of one ray of pixel ``at``, if it is not traced; ``others`` show a steep side."""
+    corners = np.zeros((2, 3, 3)) + np.array([[0, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    corners[1] = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    triangle = np.zeros(20, int)
+    for place, other in others.items():
+        triangle[int(place[1:])] = other
+    caster = RayCaster(1)
+    out = np.zeros((1, 3), np.float32)
+    left = mixed(
+        caster, frame_of(soup(corners)), material_table().detail,
+        hits(np.where(triangle < 0, -2, -1), triangle), _SIZE, colour,
+        np.array([at], np.int32), np.array([offset], np.float32), picture_packets(1, 1), out,
+    )  # fmt: skip
+    caster.close()
+    return None if len(left.order) else out[0]
+
+
+def test_a_ray_amid_four_pixels_of_one_surface_has_the_colour_between_theirs():
+    colour = np.random.default_rng(3).random((20, 3)).astype(np.float32)
+    level = colour[12] * 0.7 + colour[11] * 0.3
+    under = colour[17] * 0.7 + colour[16] * 0.3
+    assert between(colour) == pytest.approx(level * 0.8 + under * 0.2, abs=1e-6)
+    assert between(colour, _12=-1, _11=-1, _16=-1, _17=-1) is not None, "the sky"
+    assert between(colour, _13=1, _7=1) is not None, "those beyond do not count"
+
+
+@pytest.mark.parametrize("place", [11, 16, 17])
+@pytest.mark.parametrize("other", [1, -1])
+def test_a_ray_beside_another_surface_is_traced(place, other):
+    assert between(np.ones((20, 3), np.float32), **{f"_{place}": other}) is None
+
+
+def test_a_ray_at_the_border_is_traced():
+    assert between(np.ones((20, 3), np.float32), at=10) is None
+    assert between(np.ones((20, 3), np.float32), at=17) is None
+
+
+def test_the_rays_that_are_left_look_beside_the_centres_of_their_pixels():
+    rough = Rough(
+        np.array([3, 7], np.int32), np.array([0, 2], np.int32), np.zeros(20, np.uint8)
+    )  # fmt: skip
+    packets = extra_rays(rough, 2)
+    assert (packets.order.tolist(), packets.starts.tolist()) == ([0, 1, 2, 3], [0, 4])
+    offsets = np.array([[0.0, 0.5, 0.0], [0.0, 0.0, -0.25]], np.float32)
+    met = hits(np.zeros(20, int), np.zeros(20, int))
+    caster = RayCaster(1)
+    aimed = aimed_again(caster, met, rough.pixels, offsets, packets)
+    caster.close()
+    assert aimed.tolist() == [[1.0, 1.5, 1.0], [1.0, 1.0, 0.75]] * 2

@@ -7,10 +7,9 @@ import pytest
 
 from carstage_sim.kernels import kernel
 from carstage_sim.render.caster import RayCaster
-from carstage_sim.render.packets import new_packet_scratch
+from carstage_sim.render.packets import TOGETHER, new_packet_scratch
 from carstage_sim.render.scene import Placement
 from carstage_sim.render.shafts import trace_along
-from carstage_sim.render.simd import PACKET
 from ray_scenes import frame_of, soup, sphere
 
 pytestmark = pytest.mark.xdist_group("kernels")
@@ -19,13 +18,14 @@ pytestmark = pytest.mark.xdist_group("kernels")
 @kernel
 def along(scene, memory, places, way, high, skip, any_hit, met):
     d = (way[0], way[1], way[2])
-    for begin in range(0, places.shape[0], PACKET):
-        count = min(PACKET, places.shape[0] - begin)
+    for begin in range(0, places.shape[0], TOGETHER):
+        count = min(TOGETHER, places.shape[0] - begin)
         for i in range(count):
             for axis in range(3):
                 memory.from_[axis, i] = places[begin + i, axis]
+            memory.from_[3, i] = np.float32(20.0)
         memory.wanted[0] = count
-        trace_along(scene, memory, d, np.float32(1e-3), high, skip, any_hit, np.float32(20.0))
+        trace_along(scene, memory, d, np.float32(1e-3), high, skip, any_hit)
         for i in range(count):
             met[begin + i] = memory.met[i]
 

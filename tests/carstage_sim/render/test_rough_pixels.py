@@ -72,6 +72,19 @@ def test_a_crown_is_even_whichever_of_its_leaves_are_met():
     assert marks(leaves)[_MIDDLE] == 1, "a trunk beside"
 
 
+def test_leaves_with_gaps_all_over_are_even_and_the_border_of_a_crown_is_not():
+    leaves = np.array([1, 2, 4, 5, 7])[np.arange(_SIDE * _SIDE) % 5]
+    gaps = leaves.copy()
+    gaps[[_MIDDLE - 4, _MIDDLE, _MIDDLE + 1]] = 0, 3, -1
+    assert marks(gaps)[_MIDDLE] == EVEN
+    assert marks(gaps, leafy=False)[_MIDDLE] == 1
+    for step in (1, _SIDE):
+        border = leaves.copy()
+        beyond = (np.arange(len(border)) // step) % _SIDE > 2
+        border[beyond] = 0
+        assert marks(border)[_MIDDLE] == 1
+
+
 def test_the_sky_is_sampled_again():
     assert marks(grid(-1))[_MIDDLE] == 1
 

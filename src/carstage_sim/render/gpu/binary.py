@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from carstage_sim.kernels import builder
 from carstage_sim.render.cast import Geometry
-from carstage_sim.render.simd import LANES
+from carstage_sim.render.vector_code import LANES
 
 _COUNT_BITS = 4
 """A leaf's reference is ``-1 - (first triangle << 4 | triangles)``."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from carstage_sim.render.cast import trace
-from carstage_sim.render.edges import _apart, _even_with, _unlike
+from carstage_sim.render.edges import _apart, _is_even, _leaf_at, _unlike, alike
 from carstage_sim.render.film import weight_in_mean
 from carstage_sim.render.gpu.arenas import Arenas, Source
 from carstage_sim.render.gpu.caster import GpuCaster
@@ -102,6 +102,8 @@ class CameraProgram:
         self._caster = caster
         self._gpu = caster.gpu
         self._epic = epic
+        quality = Quality.EPIC if epic else Quality.LOW
+        self._blends = "true" if SAMPLING[quality].blend else "false"
         self.arenas = Arenas(self._gpu, source)
         # What a pass could write makes the card wait for it, whether it does or not.
         self.shot = {True: self._gpu.layout("urw"), False: self._gpu.layout("urr")}
@@ -173,7 +175,12 @@ class CameraProgram:
         text = wgsl("shade").replace("SHADE(0, 1)", f"{name}({passed})")
         away = Value("i", "i32")
         weight, _ = translator.function(weight_in_mean, [away, away])
-        text = text.replace("WEIGHT(", f"{weight}(")
+        text = text.replace("WEIGHT(", f"{weight}(").replace("BLENDS", self._blends)
+        row, triangle = Array("centre_row", "i32", 1), Array("centre_triangle", "i32", 1)
+        records: list[Bound] = [self.arenas.record("static"), self.arenas.record("actors")]
+        detail = self.arenas.member("materials", "detail")
+        like, _ = translator.function(alike, [*records, detail, row, triangle, away, away])
+        text = text.replace("ALIKE(", f"{like}(")
         return translator.source() + "\n" + text
 
     def _edges_source(self) -> str:
@@ -185,12 +192,13 @@ class CameraProgram:
         hits: list[Bound] = [row, triangle, place, place]
         unlike, _ = translator.function(_unlike, [*records, *hits])
         detail = self.arenas.member("materials", "detail")
-        even, _ = translator.function(_even_with, [*records, detail, *hits])
+        leaf, _ = translator.function(_leaf_at, [*records, detail, row, triangle, place])
+        leaves = Array("leaf_at", "i32", 1)
+        even, _ = translator.function(_is_even, [row, triangle, leaves, place, place])
         codes = Array("code_at", "i32", 3)
         apart, _ = translator.function(_apart, [codes, place, place, place, place])
-        quality = Quality.EPIC if self._epic else Quality.LOW
-        blends = "true" if SAMPLING[quality].blend else "false"
-        text = wgsl("edges").replace("BLENDS", blends).replace("EVEN_WITH(", f"{even}(")
+        text = wgsl("edges").replace("BLENDS", self._blends).replace("IS_EVEN(", f"{even}(")
+        text = text.replace("LEAF(", f"{leaf}(")
         text = text.replace("APART(", f"{apart}(").replace("UNLIKE(", f"{unlike}(")
         return translator.source() + "\n" + text
 

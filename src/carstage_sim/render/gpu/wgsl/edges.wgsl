@@ -5,6 +5,7 @@ fn code_at(y: i32, x: i32, channel: i32) -> i32 {
 }
 fn hit_row(i: i32) -> i32 { return bitcast<i32>(hits[pixel_count() + u32(i)]); }
 fn hit_triangle(i: i32) -> i32 { return bitcast<i32>(hits[2u * pixel_count() + u32(i)]); }
+fn leaf_at(i: i32) -> i32 { return LEAF(i); }
 
 fn differ(y: i32, x: i32, v: i32, u: i32) -> bool {
   if (u < 0 || v < 0 || u >= i32(shot.width) || v >= i32(shot.height)) {
@@ -20,16 +21,7 @@ fn is_even(y: i32, x: i32) -> bool {
   if (!BLENDS || y < 1 || x < 1 || y + 1 >= i32(shot.height) || x + 1 >= i32(shot.width)) {
     return false;
   }
-  let i = y * i32(shot.width) + x;
-  for (var v = y - 1; v < y + 2; v++) {
-    for (var u = x - 1; u < x + 2; u++) {
-      let j = v * i32(shot.width) + u;
-      if (!EVEN_WITH(i, j)) {
-        return false;
-      }
-    }
-  }
-  return true;
+  return IS_EVEN(y * i32(shot.width) + x, i32(shot.width));
 }
 
 @compute @workgroup_size(64)

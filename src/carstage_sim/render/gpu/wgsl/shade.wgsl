@@ -46,6 +46,37 @@ fn mean_of_nine(pixel: u32) -> vec3f {
   return total;
 }
 
+fn centre_row(i: i32) -> i32 { return bitcast<i32>(hits[pixel_count() + u32(i)]); }
+fn centre_triangle(i: i32) -> i32 { return bitcast<i32>(hits[2u * pixel_count() + u32(i)]); }
+
+// Which way the other three of the four pixels around a place near a pixel's centre are.
+fn steps_of(offset: vec2f) -> vec2i {
+  return select(vec2i(1), vec2i(-1), offset < vec2f(0.0));
+}
+
+// Whether the four pixels around a place show one surface: then it has the colour between theirs.
+fn is_amid_its_like(pixel: u32, offset: vec2f) -> bool {
+  let width = i32(shot.width);
+  let i = i32(pixel);
+  let to = steps_of(offset);
+  let other = vec2i(i % width, i / width) + to;
+  if (!BLENDS || any(other < vec2i(0)) || other.x >= width || other.y >= i32(shot.height)) {
+    return false;
+  }
+  let below = i + to.y * width;
+  return ALIKE(i, i + to.x) && ALIKE(i, below) && ALIKE(i, below + to.x);
+}
+
+fn colour_between(pixel: u32, offset: vec2f) -> vec3f {
+  let i = i32(pixel);
+  let to = steps_of(offset);
+  let below = i + to.y * i32(shot.width);
+  let away = abs(offset);
+  let level = mix(colours[i].xyz, colours[i + to.x].xyz, away.x);
+  let under = mix(colours[below].xyz, colours[below + to.x].xyz, away.x);
+  return mix(level, under, away.y);
+}
+
 // Edge pixels become the mean of their rays. As many pixels as a work group has rays for.
 @compute @workgroup_size(64)
 fn sample_edges(
@@ -64,8 +95,11 @@ fn sample_edges(
     pixel = found & ~EVEN;
     even = found != pixel;
   }
-  if (used && !even) {
-    let moved = shot.offsets[number].xy * shot.angle;
+  let offset = shot.offsets[number].xy;
+  if (used && !even && is_amid_its_like(pixel, offset)) {
+    sampled[lane] = colour_between(pixel, offset);
+  } else if (used && !even) {
+    let moved = offset * shot.angle;
     let away = moved.x * shot.right.xyz - moved.y * shot.up.xyz;
     the_ray = centre_direction(pixel) + away;
     the_hit = trace(shot.origin.xyz, the_ray, shot.low, shot.high, shot.skip, false);

@@ -67,7 +67,8 @@ class CenterNetDetector:
         peaks = heat * (heat == largest(heat, _PEAK_CELLS, 1))
         cells = self.side // heat.shape[0]
         row, column = np.mgrid[: heat.shape[0], : heat.shape[1]].astype(np.float32) * cells
-        boxes = np.stack([column, row, column, row], axis=-1) + sides * np.float32([-1, -1, 1, 1])
+        outwards = np.array([-1, -1, 1, 1], np.float32)
+        boxes = np.stack([column, row, column, row], axis=-1) + sides * outwards
         return boxes.reshape(-1, 4), peaks.reshape(-1, heat.shape[2])
 
 

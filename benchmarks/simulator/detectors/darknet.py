@@ -129,6 +129,7 @@ def _applied(layer: _Layer, values: Array) -> Array:
         times = int(options["stride"])
         return values.repeat(times, axis=0).repeat(times, axis=1)
     assert layer.kernel is not None
+    assert layer.bias is not None
     found: Array = convolve(values, layer.kernel, int(options["stride"])) + layer.bias
     if options["activation"] == "leaky":
         np.maximum(found, found * np.float32(_LEAK), out=found)

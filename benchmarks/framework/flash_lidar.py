@@ -140,7 +140,7 @@ def measure_flash_lidar(
         seconds: simulated ones in each.
         progress: called with the recordings done and their total number.
     """
-    found = _Found(*([] for _ in range(9)))
+    found = _Found([], [], [], [], [], [], [], [], [])
     frames = 0
     with tempfile.TemporaryDirectory(prefix="carstage-flash-") as scratch:
         for number, town in enumerate(towns, start=1):

@@ -24,6 +24,7 @@ from carstage.bench.verdict import Figure, Verdict
 from carstage.dataset import Frame
 from carstage.geometry import FloatArray
 from carstage.geometry.flash_beams import beam_angles
+from carstage.sensor_kinds.columns import Point, TaggedPoint
 from carstage.spec import FlashSpec
 
 TOWNS = ("Stage01", "Stage02", "Stage03")
@@ -34,6 +35,8 @@ NEAR_M = 0.01
 """What ranges may be wrong by."""
 ODD = 1e-4
 """Share of beams on one surface that have a point where the ray has none, or the reverse."""
+SAME_TAGS = 0.995
+"""Share of beams on one surface with the same tag; lines on roads have a tag of their own."""
 BEYOND = 0.005
 """Share of echoes of wide beams on what is finer than either picture, such as leaves."""
 _FLAT_M = 0.005
@@ -69,10 +72,10 @@ _CONFIG = {
     "server": {"kind": "embedded", "self_test": "off"},
     "rig": {
         "sensors": [
-            _sensor("LINES", "flash_lidar", **_LINES),
+            _sensor("LINES", "semantic_flash_lidar", **_LINES),
             _sensor("NOISY", "flash_lidar", **_LINES, noise_stddev_m=_NOISE_M, dropoff_rate=0.1),
             _sensor("WIDE", "flash_lidar", **_BEAMS, returns="all"),
-            _sensor("CAST", "ray_flash_lidar", **_LINES),
+            _sensor("CAST", "semantic_ray_flash_lidar", **_LINES),
             _sensor("WIDE_CAST", "ray_flash_lidar", **_BEAMS, returns="all"),
             _sensor("DEPTH", "depth", image_size=[2048, 640], fov_deg=66.0),
             _sensor(
@@ -96,6 +99,8 @@ class _Found:
         noise: differences of noisy ranges to those without noise (m).
         ways, ways_at_edges: differences of ranges between pictures and rays of the simulator's own
             flash LiDAR (m), on one surface and elsewhere.
+        tags_to_rays, tags_of_ways: of beams on one surface, whether the tag is the ray's; whether
+            pictures and rays of the simulator's own flash LiDAR give the same one.
         missing: beams without a point where the ray meets something, on one surface.
         extra: points where the ray meets nothing, on one surface.
         kept, possible: points with drop-off and without.
@@ -111,6 +116,8 @@ class _Found:
     noise: list[FloatArray]
     ways: list[FloatArray]
     ways_at_edges: list[FloatArray]
+    tags_to_rays: list[NDArray[np.bool_]]
+    tags_of_ways: list[NDArray[np.bool_]]
     missing: int = 0
     extra: int = 0
     kept: int = 0
@@ -133,7 +140,7 @@ def measure_flash_lidar(
         seconds: simulated ones in each.
         progress: called with the recordings done and their total number.
     """
-    found = _Found([], [], [], [], [], [], [])
+    found = _Found([], [], [], [], [], [], [], [], [])
     frames = 0
     with tempfile.TemporaryDirectory(prefix="carstage-flash-") as scratch:
         for number, town in enumerate(towns, start=1):
@@ -162,6 +169,8 @@ def _figures(found: _Found) -> Iterator[Figure]:
     ways, at_edges = np.concatenate(found.ways), np.concatenate(found.ways_at_edges)
     yield Figure("difference_between_ways_m_p99", float(np.quantile(ways, 0.99)), "<=", NEAR_M)
     yield Figure("share_of_ways_within_1_cm_at_edges", float((at_edges <= NEAR_M).mean()))
+    yield Figure("share_of_tags_of_rays", _share(found.tags_to_rays), ">=", SAME_TAGS)
+    yield Figure("share_of_tags_alike_between_ways", _share(found.tags_of_ways), ">=", SAME_TAGS)
     yield Figure("echoes_by_rays_over_those_by_pictures", found.cast_echoes / found.echoes)
     yield Figure("share_within_1_cm_at_edges_and_leaves", float((edges <= NEAR_M).mean()))
     yield Figure("share_of_beams_at_edges_and_leaves", len(edges) / (len(edges) + len(flat)))
@@ -174,6 +183,10 @@ def _figures(found: _Found) -> Iterator[Figure]:
     beyond = found.outside / found.echoes
     yield Figure("share_of_echoes_beyond_their_footprints", beyond, "<=", BEYOND)
     yield Figure("echoes_per_wide_beam", found.echoes / found.wide_beams)
+
+
+def _share(same: Sequence[NDArray[np.bool_]]) -> float:
+    return float(np.concatenate(same).mean())
 
 
 def _compare(frame: Frame, found: _Found) -> None:
@@ -201,12 +214,16 @@ def _compare(frame: Frame, found: _Found) -> None:
     found.ways.append(between[known & flat])
     found.ways_at_edges.append(between[known & ~flat])
     found.cast_echoes += len(frame.read("WIDE_CAST"))
+    tags = _column_by_beam(frame.read("LINES"), lidar.flash, TaggedPoint.TAG)
+    cast_tags = _column_by_beam(frame.read("CAST"), lidar.flash, TaggedPoint.TAG)
+    ray_tags = np.full(ray_m.shape, np.nan)
+    ray_tags[_beams_of(turned, lidar.flash, _HALF_COLUMN_DEG)] = rays["object_tag"]
+    found.tags_to_rays.append((tags == ray_tags)[both & flat])
+    found.tags_of_ways.append((tags == cast_tags)[known & flat])
     inner = flat & (ray_m < RANGE_M - 1.0)
     found.missing += int((np.isnan(lines) & ~np.isnan(ray_m) & inner).sum())
     found.extra += int((~np.isnan(lines) & np.isnan(ray_m) & flat & (lines < RANGE_M - 1.0)).sum())
-    points = frame.read("LINES")
-    intensity = np.full(lines.shape, np.nan)
-    intensity[_beams_of(points, lidar.flash)] = points[:, 3]
+    intensity = _column_by_beam(frame.read("LINES"), lidar.flash, Point.INTENSITY)
     found.cosines.append(np.abs(intensity - cosine)[both & flat])
     found.noise.append((noisy - lines)[~np.isnan(noisy) & ~np.isnan(lines)])
     found.kept += int((~np.isnan(noisy)).sum())
@@ -223,6 +240,13 @@ def _beams_of(points: NDArray[Any], flash: FlashSpec, turned_deg: float = 0.0) -
     column = np.rint((across - azimuth[0]) / (azimuth[1] - azimuth[0])).astype(np.intp)
     row = np.rint((up - elevation[0]) / (elevation[1] - elevation[0])).astype(np.intp)
     return np.asarray(row * flash.columns + column)
+
+
+def _column_by_beam(points: NDArray[Any], flash: FlashSpec, column: int) -> FloatArray:
+    """``(beams,)`` a column of the points, NaN without a point."""
+    values = np.full(flash.beams, np.nan)
+    values[_beams_of(points, flash)] = points[:, column]
+    return values
 
 
 def _by_beam(points: NDArray[Any], flash: FlashSpec, turned_deg: float = 0.0) -> FloatArray:

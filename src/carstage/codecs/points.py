@@ -14,8 +14,8 @@ from carstage.codecs.extras import need
 from carstage.codecs.npz import pack_npz, unpack_npz
 from carstage.sensor_kinds.columns import Point
 
-_POINT_BYTES = 16
 _FIELDS = ("x", "y", "z", "intensity")
+_TAGGED_FIELDS = (*_FIELDS, "object_idx", "object_tag")
 _LAZ_STEP_M = 0.0005
 _LAZ_INTENSITY = 65535.0
 
@@ -24,13 +24,17 @@ class LidarBin(Codec):
     """The points as they were measured; decodes to ``(N, 4)`` float32 x, y, z (m), intensity.
 
     Coordinates are of the sensor in CARLA's axes: x forward, y right, z up.
+
+    Attributes:
+        fields: names of a point's float32.
     """
 
     suffixes: ClassVar = (".bin",)
+    fields: ClassVar[tuple[str, ...]] = _FIELDS
 
     def encode(self, meta: Mapping[str, Any], payload: memoryview) -> tuple[Content, ...]:
         """See ``Codec.encode``."""
-        points = _points(payload)
+        points = self._points(payload)
         counts = meta.get("counts")
         if counts is not None and sum(counts) != len(points):
             raise ValueError(f"a LiDAR record says {sum(counts)} points and holds {len(points)}")
@@ -38,11 +42,14 @@ class LidarBin(Codec):
 
     def decode(self, contents: Sequence[bytes]) -> NDArray[Any]:
         """See ``Codec.decode``."""
-        return _points(contents[0])
+        return self._points(contents[0])
 
     def raw_array(self, meta: Mapping[str, Any], payload: memoryview) -> NDArray[Any]:
         """See ``Codec.raw_array``."""
-        return _points(payload)
+        return self._points(payload)
+
+    def _points(self, content: bytes | memoryview) -> NDArray[np.float32]:
+        return _points(content, len(self.fields))
 
 
 class LidarNpz(LidarBin):
@@ -53,11 +60,12 @@ class LidarNpz(LidarBin):
     def encode(self, meta: Mapping[str, Any], payload: memoryview) -> tuple[bytes, ...]:
         """See ``Codec.encode``."""
         (content,) = super().encode(meta, payload)
-        return (pack_npz({"points": _points(content)}),)
+        return (pack_npz({"points": self._points(content)}),)
 
     def decode(self, contents: Sequence[bytes]) -> NDArray[Any]:
         """See ``Codec.decode``."""
-        return _points(unpack_npz(contents[0], "points").astype("<f4", copy=False).tobytes())
+        points = unpack_npz(contents[0], "points").astype("<f4", copy=False)
+        return self._points(points.tobytes())
 
 
 class _HeadedPoints(LidarBin):
@@ -72,12 +80,12 @@ class _HeadedPoints(LidarBin):
     def encode(self, meta: Mapping[str, Any], payload: memoryview) -> tuple[bytes, ...]:
         """See ``Codec.encode``."""
         (content,) = super().encode(meta, payload)
-        return (b"".join((self._header(len(content) // _POINT_BYTES), content)),)
+        return (b"".join((self._header(len(content) // (4 * len(self.fields))), content)),)
 
     def decode(self, contents: Sequence[bytes]) -> NDArray[Any]:
         """See ``Codec.decode``."""
         head, end, body = contents[0].partition(self.end)
-        points = _points(body)
+        points = self._points(body)
         if head + end != self._header(len(points)):
             raise ValueError(f"not the header of {len(points)} points of a LiDAR")
         return points
@@ -95,7 +103,7 @@ class LidarPly(_HeadedPoints):
     def _header(self, count: int) -> bytes:
         lines = (
             *("ply", "format binary_little_endian 1.0", f"element vertex {count}"),
-            *(f"property float {name}" for name in _FIELDS),
+            *(f"property float {name}" for name in self.fields),
             "end_header\n",
         )
         return "\n".join(lines).encode("ascii")
@@ -108,12 +116,40 @@ class LidarPcd(_HeadedPoints):
     end: ClassVar = b"DATA binary\n"
 
     def _header(self, count: int) -> bytes:
+        sizes, types, counts = (" ".join(one * len(self.fields)) for one in "4F1")
         lines = (
-            *("VERSION 0.7", f"FIELDS {' '.join(_FIELDS)}", "SIZE 4 4 4 4", "TYPE F F F F"),
-            *("COUNT 1 1 1 1", f"WIDTH {count}", "HEIGHT 1", "VIEWPOINT 0 0 0 1 0 0 0"),
+            *("VERSION 0.7", f"FIELDS {' '.join(self.fields)}", f"SIZE {sizes}", f"TYPE {types}"),
+            *(f"COUNT {counts}", f"WIDTH {count}", "HEIGHT 1", "VIEWPOINT 0 0 0 1 0 0 0"),
             *(f"POINTS {count}", "DATA binary\n"),
         )
         return "\n".join(lines).encode("ascii")
+
+
+class TaggedLidarBin(LidarBin):
+    """The same with object and semantic tag: decodes to ``(N, 6)`` float32.
+
+    See :class:`carstage.sensor_kinds.columns.TaggedPoint`.
+    """
+
+    fields: ClassVar = _TAGGED_FIELDS
+
+
+class TaggedLidarNpz(LidarNpz):
+    """Points with tags, see :class:`LidarNpz`."""
+
+    fields: ClassVar = _TAGGED_FIELDS
+
+
+class TaggedLidarPly(LidarPly):
+    """Points with tags, see :class:`LidarPly`."""
+
+    fields: ClassVar = _TAGGED_FIELDS
+
+
+class TaggedLidarPcd(LidarPcd):
+    """Points with tags, see :class:`LidarPcd`."""
+
+    fields: ClassVar = _TAGGED_FIELDS
 
 
 class LidarLaz(LidarBin):
@@ -129,7 +165,7 @@ class LidarLaz(LidarBin):
     def encode(self, meta: Mapping[str, Any], payload: memoryview) -> tuple[bytes, ...]:
         """See ``Codec.encode``."""
         (content,) = super().encode(meta, payload)
-        points = _points(content)
+        points = self._points(content)
         header = self._laspy.LasHeader(point_format=0, version="1.2")
         header.creation_date = None
         header.generating_software = "carstage"
@@ -151,10 +187,10 @@ class LidarLaz(LidarBin):
         return np.column_stack([xyz, intensity / _LAZ_INTENSITY]).astype(np.float32)
 
 
-def _points(content: bytes | memoryview) -> NDArray[np.float32]:
-    if len(content) % _POINT_BYTES:
+def _points(content: bytes | memoryview, width: int) -> NDArray[np.float32]:
+    if len(content) % (4 * width):
         raise ValueError(f"{len(content)} bytes are no whole number of points")
-    points = np.frombuffer(content, "<f4").reshape(-1, 4)
+    points = np.frombuffer(content, "<f4").reshape(-1, width)
     # A sum of squares is finite only if all numbers are; one that overflows says nothing.
     numbers = points.reshape(-1)
     with np.errstate(over="ignore", invalid="ignore"):

@@ -12,6 +12,7 @@ from typing import Any
 
 LIDAR, SEMANTIC_LIDAR, FLASH_LIDAR = "lidar", "semantic_lidar", "flash_lidar"
 SWEEPING_LIDAR, RAY_FLASH_LIDAR = "sweeping_lidar", "ray_flash_lidar"
+SEMANTIC_FLASH_LIDARS = ("semantic_flash_lidar", "semantic_ray_flash_lidar")
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,7 @@ PRODUCTS: Mapping[str, LidarProduct] = {
     ),
     "continental_hfl110": LidarProduct(
         "Continental HFL110",
-        (FLASH_LIDAR, RAY_FLASH_LIDAR),
+        (FLASH_LIDAR, RAY_FLASH_LIDAR, *SEMANTIC_FLASH_LIDARS),
         {
             "columns": 128,
             "rows": 32,

@@ -81,6 +81,33 @@ def sample_surfaces(
 
 
 @compiled
+def sample_objects(
+    sources: NDArray[np.uint8],
+    face: NDArray[np.uint8],
+    place: NDArray[np.float64],
+    objects: NDArray[np.uint32],
+    tags: NDArray[np.uint32],
+) -> None:
+    """Objects of the pixels that :func:`sample_surfaces` takes; 0 where no picture shows a ray.
+
+    Args:
+        sources: ``(F, h, w, 4)`` instance pictures as CARLA codes them, with the pixels of the
+            depth pictures.
+        face, place: as there.
+        objects, tags: ``(B, S)`` to be filled.
+    """
+    rows, columns = sources.shape[1], sources.shape[2]
+    for b in range(face.shape[0]):
+        for s in range(face.shape[1]):
+            objects[b, s], tags[b, s] = 0, 0
+            if face[b, s] != NOTHING:
+                x = min(max(int(place[b, s, 0]), 0), columns - 1)
+                y = min(max(int(place[b, s, 1]), 0), rows - 1)
+                blue, green, red = sources[face[b, s], y, x, :3]
+                objects[b, s], tags[b, s] = np.uint32(green) + np.uint32(256) * blue, red
+
+
+@compiled
 def smoothest_slope(
     sources: NDArray[np.uint8], which: int, row: int, column: int, down: int, right: int
 ) -> float:
@@ -115,6 +142,7 @@ def find_echoes(
     surface: tuple[float, float],
     echo_m: NDArray[np.float64],
     echo_power: NDArray[np.float64],
+    echo_sample: NDArray[np.int64],
     count: NDArray[np.int64],
 ) -> None:
     """Echoes of each beam, the nearest first: ranges, and powers in 1/m^2.
@@ -127,14 +155,16 @@ def find_echoes(
         limits_m: nearest and farthest range that is measured.
         spread: side of a sample's share of the footprint (rad), gap between two echoes (m).
         surface: ``reflectivity`` and ``attenuation_per_m`` of ``FlashSpec``.
-        echo_m, echo_power, count: ``(B, S)``, ``(B, S)`` and ``(B,)``, to be filled.
+        echo_m, echo_power: ``(B, S)``, to be filled.
+        echo_sample: ``(B, S)``, to be filled: the sample of each echo with the most power.
+        count: ``(B,)``, to be filled.
     """
     share = 1.0 / range_m.shape[1]
     sample_rad, separation_m = spread
     reflectivity, attenuation_per_m = surface
     for b in range(range_m.shape[0]):
         order = np.argsort(range_m[b])
-        found, end_m = 0, -np.inf
+        found, end_m, most = 0, -np.inf, -1.0
         for s in order:
             at_m = range_m[b, s]
             if not limits_m[0] <= at_m <= limits_m[1]:
@@ -146,9 +176,11 @@ def find_echoes(
             if found == 0 or at_m - half_m - end_m > separation_m:
                 echo_m[b, found], echo_power[b, found] = 0.0, 0.0
                 found += 1
-                end_m = at_m + half_m
+                end_m, most = at_m + half_m, -1.0
             echo_m[b, found - 1] += power * at_m
             echo_power[b, found - 1] += power
+            if power > most:
+                echo_sample[b, found - 1], most = s, power
             end_m = max(end_m, at_m + half_m)
         for e in range(found):
             echo_m[b, e] /= echo_power[b, e]
@@ -175,9 +207,10 @@ def report_echoes(
         chances: power that is just seen (0: every echo is), then ``noise_stddev_m``,
             ``ambient_noise``, ``false_return_rate`` and ``dropoff_rate`` of ``FlashSpec``.
         returns: one of the numbers ``CHOSEN_...``.
-        reported: ``(N, 3)`` number of the beam, range and power, to be filled.
+        reported: ``(N, 4)`` number of the beam, range, power and number of the echo among the
+            beam's, -1 of a false one; to be filled.
     """
-    seen = np.empty((echo_m.shape[1] + 1, 2))
+    seen = np.empty((echo_m.shape[1] + 1, 3))
     total = 0
     for b in range(echo_m.shape[0]):
         stream = mixed(seed ^ mixed(np.uint64(b)))
@@ -204,7 +237,7 @@ def report_echoes(
                 or (returns == CHOSEN_DUAL and i in (strongest, last, second))
             ):
                 reported[total, 0] = b
-                reported[total, 1], reported[total, 2] = seen[i, 0], seen[i, 1]
+                reported[total, 1:] = seen[i]
                 total += 1
     return total
 
@@ -218,13 +251,13 @@ def see_echoes(
     chances: tuple[float, float, float, float, float],
     seen: NDArray[np.float64],
 ) -> int:
-    """Range and power of one beam's echoes that are seen, and of a false one; their number.
+    """Range, power and place of a beam's echoes that are seen, and of a false one; their number.
 
     Args:
         echo_m, echo_power: of the beam's echoes.
         stream: of the beam's random numbers.
         limits_m, chances: see :func:`report_echoes`.
-        seen: ``(N, 2)`` to be filled.
+        seen: ``(N, 3)`` to be filled.
     """
     weakest, noise_stddev_m, ambient_noise, false_return_rate, dropoff_rate = chances
     found = 0
@@ -242,11 +275,11 @@ def see_echoes(
         if noise_stddev_m > 0.0:
             at_m += noise_stddev_m * normal(stream, first + 1 + _UNIFORMS)
         if at_m > 0.0:
-            seen[found, 0], seen[found, 1] = at_m, echo_power[e]
+            seen[found, 0], seen[found, 1], seen[found, 2] = at_m, echo_power[e], e
             found += 1
     if false_return_rate > 0.0 and uniform(stream, 0) < false_return_rate:
         seen[found, 0] = limits_m[0] + uniform(stream, 1) * (limits_m[1] - limits_m[0])
-        seen[found, 1] = weakest
+        seen[found, 1], seen[found, 2] = weakest, -1
         found += 1
     return found
 

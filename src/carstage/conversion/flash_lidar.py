@@ -1,4 +1,4 @@
-"""From recorded depth pictures, or rays, to the points of a flash LiDAR."""
+"""From recorded pictures, or rays, to the points of a flash LiDAR."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from carstage.conversion.reprojection import Picture, RayPlaces, face_numbers, p
 from carstage.geometry import FloatArray
 from carstage.geometry.flash_beams import STEEPEST, beam_directions, footprint_rays
 from carstage.rawlog.reader import Record
+from carstage.sensor_kinds import sensor_kind
 from carstage.spec import FlashSpec, SensorSpec
 from carstage.spec.flash import RETURNS
 
-BY_RAYS: Final = "ray_flash_lidar"
 _WORD: Final = 2**64
 
 
@@ -34,17 +34,22 @@ class FlashEchoes:
         beam: ``(N,)`` number of the beam, row by row from the top left; ascending.
         range_m: ``(N,)`` along the beam, with noise.
         power: ``(N,)`` in 1/m^2, see ``docs/formats/flash-lidar.md``.
+        sample: ``(N,)`` number of the footprint's sample that gave it the most power; -1 of a
+            false echo.
     """
 
     beam: NDArray[np.int64]
     range_m: FloatArray
     power: FloatArray
+    sample: NDArray[np.int64]
 
 
 def flash_payload(
     sensor: SensorSpec, records: Sequence[Record | None], noise_seed: int
 ) -> Picture | None:
     """The points of one tick as a LiDAR's record has them, float32 x, y, z, intensity.
+
+    Object and tag follow, where the kind has them.
 
     Args:
         sensor: as it is planned.
@@ -61,12 +66,17 @@ def flash_payload(
     if len(found) < len(sensor.streams):
         return None
     seed = frame_seed(noise_seed, sensor.id, found[0].tick)
-    if sensor.kind == BY_RAYS:
+    if is_by_rays(sensor):
         points = ray_points(sensor, found[0].meta, found[0].payload, seed)
     else:
         pictures = np.stack([image_bgra(record.meta, record.payload) for record in found])
         points = flash_points(sensor, pictures, seed)
     return {}, points.reshape(-1).view(np.uint8).data
+
+
+def is_by_rays(sensor: SensorSpec) -> bool:
+    """Whether a flash LiDAR's frames are made of rays, not of pictures."""
+    return not sensor.blueprint.startswith("sensor.camera.")
 
 
 def frame_seed(noise_seed: int, sensor_id: str, tick: int) -> int:
@@ -79,14 +89,21 @@ def frame_seed(noise_seed: int, sensor_id: str, tick: int) -> int:
 def flash_points(sensor: SensorSpec, pictures: NDArray[np.uint8], seed: int) -> NDArray[np.float32]:
     """``(N, 4)`` x, y, z (m, CARLA's sensor axes), intensity; beam by beam, the nearest first.
 
+    ``(N, 6)`` with object and tag, where the kind has them.
+
     Args:
         sensor: as it is planned.
-        pictures: ``(F, h, w, 4)`` depth pictures of its streams.
+        pictures: ``(F, h, w, 4)`` of its streams: depth pictures, then instance pictures.
         seed: of this frame.
     """
     assert sensor.flash is not None
-    places = _places(sensor.flash, camera_geometry(sensor.attributes), face_numbers(sensor))
-    return _points(sensor.flash, flash_echoes(sensor.flash, pictures, places, seed))
+    faces = face_numbers(sensor)
+    places = _places(sensor.flash, camera_geometry(sensor.attributes), faces)
+    echoes = flash_echoes(sensor.flash, pictures[: len(faces)], places, seed)
+    points = _points(sensor.flash, echoes)
+    if sensor.instance is None:
+        return points
+    return _with_objects(points, echoes, *_picture_objects(pictures[len(faces) :], places))
 
 
 def ray_points(
@@ -117,7 +134,13 @@ def ray_points(
     x, y, z = (rays[name].astype(np.float64) for name in "xyz")
     range_m[beam, place] = np.sqrt(x * x + y * y + z * z)
     cosine[beam, place] = np.clip(rays["cos_incidence"].astype(np.float64), STEEPEST, 1.0)
-    return _points(flash, echoes_of_samples(flash, range_m, cosine, seed))
+    echoes = echoes_of_samples(flash, range_m, cosine, seed)
+    points = _points(flash, echoes)
+    if not sensor_kind(sensor.kind).tags_points:
+        return points
+    objects, tags = np.zeros(shape, np.uint32), np.zeros(shape, np.uint32)
+    objects[beam, place], tags[beam, place] = rays["object_idx"], rays["object_tag"]
+    return _with_objects(points, echoes, objects, tags)
 
 
 def _points(flash: FlashSpec, echoes: FlashEchoes) -> NDArray[np.float32]:
@@ -125,6 +148,37 @@ def _points(flash: FlashSpec, echoes: FlashEchoes) -> NDArray[np.float32]:
     points[:, :3] = beam_directions(flash)[echoes.beam] * echoes.range_m[:, None]
     points[:, 3] = flash_intensity(flash, echoes)
     return points
+
+
+def _with_objects(
+    points: NDArray[np.float32],
+    echoes: FlashEchoes,
+    objects: NDArray[np.uint32],
+    tags: NDArray[np.uint32],
+) -> NDArray[np.float32]:
+    """``(N, 6)`` points with object and tag of each echo's sample of most power.
+
+    Args:
+        points: ``(N, 4)`` of the echoes.
+        echoes: see there; false ones have 0 and 0.
+        objects, tags: ``(B, S)`` of the samples.
+    """
+    real = echoes.sample >= 0
+    found = np.zeros((len(points), 2), np.float32)
+    for column, values in enumerate((objects, tags)):
+        found[real, column] = values[echoes.beam[real], echoes.sample[real]]
+    return np.hstack([points, found])
+
+
+def _picture_objects(
+    pictures: NDArray[np.uint8], places: RayPlaces
+) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
+    from carstage.conversion.flash_kernel import sample_objects
+
+    shape = places.face.shape
+    objects, tags = np.empty(shape, np.uint32), np.empty(shape, np.uint32)
+    sample_objects(pictures, places.face, places.place, objects, tags)
+    return objects, tags
 
 
 def flash_echoes(
@@ -160,23 +214,26 @@ def echoes_of_samples(
 
     shape = range_m.shape
     echo_m, echo_power = np.empty(shape), np.empty(shape)
-    count = np.empty(shape[0], np.int64)
+    echo_sample, count = np.empty(shape, np.int64), np.empty(shape[0], np.int64)
     limits_m = (flash.min_range_m, flash.range_m)
     find_echoes(
         range_m, cosine, limits_m, (_sample_rad(flash), flash.echo_separation_m),
-        (flash.reflectivity, flash.attenuation_per_m), echo_m, echo_power, count,
+        (flash.reflectivity, flash.attenuation_per_m), echo_m, echo_power, echo_sample,
+        count,
     )  # fmt: skip
     chances = (
         weakest_power(flash), flash.noise_stddev_m, flash.ambient_noise, flash.false_return_rate,
         flash.dropoff_rate,
     )  # fmt: skip
-    reported = np.empty((int(count.sum()) + shape[0], 3))
+    reported = np.empty((int(count.sum()) + shape[0], 4))
     total = report_echoes(
         echo_m, echo_power, count, np.uint64(seed), limits_m, chances,
         RETURNS.index(flash.returns), reported,
     )  # fmt: skip
-    beam, reported_m, power = reported[:total].T
-    return FlashEchoes(beam.astype(np.int64), reported_m, power)
+    beam, reported_m, power, place = reported[:total].T
+    beams, echo = beam.astype(np.int64), place.astype(np.int64)
+    sample = np.where(echo < 0, -1, echo_sample[beams, echo])
+    return FlashEchoes(beams, reported_m, power, sample)
 
 
 def weakest_power(flash: FlashSpec) -> float:

@@ -22,7 +22,7 @@ class RecordedSensor:
         id: the user's name of it, also its stream.
         kind: short name of the kind, such as ``rgb``.
         codec: name of the codec of its files; ``parquet`` for sensors that become table rows.
-        faces: streams with further faces of the cube that its files are made from.
+        faces: further streams that its files are made from: faces of the cube, instance pictures.
     """
 
     id: str
@@ -94,4 +94,4 @@ def _recorded(sensor: SensorSpec, codec: str | None) -> RecordedSensor:
     names = codec_names(kind)
     # The default one is loaded where it encodes.
     name = names[0] if codec is None and names else codec_for(kind, codec)[0]
-    return RecordedSensor(sensor.id, kind, name, sensor.faces or ())
+    return RecordedSensor(sensor.id, kind, name, sensor.streams[1:])

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage.annotation.point_sensors import record_dtype
-from carstage.sensor_kinds import content_of
+from carstage.sensor_kinds import content_of, sensor_kind
+from carstage.sensor_kinds.columns import TaggedPoint
 from carstage.sensor_kinds.model import INSTANCES, TAGGED_POINTS, TAGS, VOXELS
 from carstage.tags import TAGS_0_9_13, new_tag, numbers_tags_anew
 
@@ -52,4 +53,9 @@ def dataset_payload(kind: str, server_version: str, payload: memoryview) -> memo
         points = np.frombuffer(payload, record_dtype(kind)).copy()
         points["object_tag"] = _NEW_FROM_OLD[points["object_tag"].astype(np.uint8)]
         return points.view(np.uint8).data
+    if sensor_kind(kind).tags_points:
+        width = len(sensor_kind(kind).columns)
+        rows = np.frombuffer(payload, "<f4").reshape(-1, width).copy()
+        rows[:, TaggedPoint.TAG] = _NEW_FROM_OLD[rows[:, TaggedPoint.TAG].astype(np.uint8)]
+        return rows.reshape(-1).view(np.uint8).data
     return payload

@@ -1,6 +1,7 @@
 """LiDAR points with semantic labels.
 
-A semantic LiDAR labels its own points, but measures no intensity. Points of an ordinary LiDAR take
+A semantic LiDAR labels its own points, but measures no intensity. A semantic flash LiDAR does
+both. Points of an ordinary LiDAR take
 the label of the nearest ray of a semantic LiDAR that stands at the same place and scans alike.
 """
 
@@ -20,7 +21,7 @@ from carstage.errors import BadInputError
 from carstage.exporters.options import ExportOptions
 from carstage.exporters.rigs import main_lidar
 from carstage.sensor_kinds import sensor_kind
-from carstage.sensor_kinds.columns import Point
+from carstage.sensor_kinds.columns import Point, TaggedPoint
 from carstage.sensor_kinds.model import POINTS, TAGGED_POINTS
 
 _SCAN: Final = {
@@ -112,10 +113,10 @@ def labelled_lidar(episode: Episode, options: ExportOptions) -> LabelledLidar:
 def label_source(episode: Episode, lidar: SensorCalibration) -> str | None:
     """Id of the semantic LiDAR that labels a LiDAR's points; None: there is none.
 
-    That is the LiDAR itself, or the first one at the same place of the same carrier that scans
-    alike, which none does like a flash or a sweeping LiDAR.
+    That is the LiDAR itself if its points have tags. Else it is the first one at the same place of
+    the same carrier that scans alike, which none does like a flash or a sweeping LiDAR.
     """
-    if lidar.content == TAGGED_POINTS:
+    if lidar.content == TAGGED_POINTS or sensor_kind(lidar.kind).tags_points:
         return lidar.id
     if sensor_kind(lidar.kind).recorded:
         return None
@@ -161,6 +162,9 @@ def read_labelled(frame: Frame, lidar: LabelledLidar) -> LabelledCloud:
     points = read_points(frame, lidar.points)
     if lidar.is_semantic:
         tagged = frame.read(lidar.points)
+        if tagged.dtype.names is None:
+            own = tagged[:, TaggedPoint.OBJECT :].astype(np.uint32)
+            return LabelledCloud(points, own[:, 1].astype(np.uint8), own[:, 0])
         return LabelledCloud(points, tagged["object_tag"].astype(np.uint8), tagged["object_idx"])
     tags, objects = np.zeros(len(points), np.uint8), np.zeros(len(points), np.uint32)
     if lidar.labels is not None and frame.has(lidar.labels):

@@ -3,6 +3,7 @@
 A label needs the depth (and, for pixels, the instances) that its camera sees. A requested sensor of
 the same pose and intrinsics serves; where there is none, a hidden twin is added. Points of a
 labelled LiDAR take the labels of a semantic LiDAR that scans alike, which is part of the dataset.
+A flash LiDAR whose points have tags has hidden instance cameras beside its depth cameras.
 Exact voxels are asked of a hidden sensor at their frame.
 """
 
@@ -14,16 +15,24 @@ from dataclasses import replace
 from carstage.config import Config, Sensor
 from carstage.config.attributes import FlashAttributes, carla_text
 from carstage.config.occupancy import Occupancy
-from carstage.config.sensors import SEMANTIC_SUFFIX, VOXELS_SUFFIX, CameraSensor, Pose
+from carstage.config.sensors import (
+    INSTANCE_SUFFIX,
+    SEMANTIC_SUFFIX,
+    VOXELS_SUFFIX,
+    CameraSensor,
+    Pose,
+)
 from carstage.geometry.lens_sources import face_rotation_deg
 from carstage.sensor_kinds import sensor_kind
 from carstage.sensor_kinds.attributes import SEMANTIC_LIDAR
 from carstage.spec import PoseSpec, SensorSpec
 from carstage.spec.lenses import FACES
 from carstage.spec.occupancy import LENGTHS
+from carstage.spec.sensors import face_of
 
 _RATE = "sensor_tick"
 _DEPTH = "depth"
+_INSTANCE = "instance"
 _SEMANTIC_LIDAR = "semantic_lidar"
 _OCCUPANCY = "occupancy"
 _SCAN = frozenset(row.carla for row in SEMANTIC_LIDAR.rows)
@@ -48,6 +57,10 @@ def plan_sensors(config: Config) -> tuple[SensorSpec, ...]:
             )
     for lidar in [sensor for sensor in sensors if sensor.id in config.labelled_lidars]:
         _serving(lidar, _SEMANTIC_LIDAR, sensors, SEMANTIC_SUFFIX, hidden=False)
+    for position, flash in enumerate(list(sensors)):
+        if sensor_kind(flash.kind).tags_points and flash.blueprint == sensor_kind(_DEPTH).blueprint:
+            instance = _serving(flash, _INSTANCE, sensors, INSTANCE_SUFFIX)
+            sensors[position] = replace(flash, instance=instance)
     if config.labels.occupancy is not None and config.labels.occupancy.exact:
         sensors.append(_voxels(config.labels.occupancy, sensors))
     return tuple(_with_faces(sensors))
@@ -166,7 +179,8 @@ def _shared(attributes: Mapping[str, str]) -> dict[str, str]:
 def _view(sensor: SensorSpec) -> tuple[object, ...]:
     """Equal for sensors that see the same at the same time."""
     carrier = (sensor.attach_to, sensor.attach_index, sensor.attachment)
-    return (*carrier, sensor.pose, sensor.lens, _shared(sensor.attributes))
+    faces = tuple(face_id[-1] for face_id in sensor.faces or ())
+    return (*carrier, sensor.pose, sensor.lens, faces, _shared(sensor.attributes))
 
 
 def _serving(
@@ -189,6 +203,7 @@ def _serving(
         depth=None,
         instance=None,
         faces=_renamed(sensor, suffix),
+        flash=None,
     )
     sensors.append(twin)
     return twin.id
@@ -198,4 +213,4 @@ def _renamed(sensor: SensorSpec, suffix: str) -> tuple[str, ...] | None:
     """Faces of a twin, by those of its sensor."""
     if sensor.faces is None:
         return None
-    return tuple(f"{sensor.id}{suffix}.{face_id[-1]}" for face_id in sensor.faces)
+    return tuple(face_of(sensor.id + suffix, face_id) for face_id in sensor.faces)

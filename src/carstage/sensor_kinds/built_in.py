@@ -75,6 +75,13 @@ _POINT_CODECS = {
     "pcd": _CODECS + "points:LidarPcd",
     "ply": _CODECS + "points:LidarPly",
 }
+_FLASH_TAGGED_CODECS = {
+    "bin": _CODECS + "points:TaggedLidarBin",
+    "npz": _CODECS + "points:TaggedLidarNpz",
+    "pcd": _CODECS + "points:TaggedLidarPcd",
+    "ply": _CODECS + "points:TaggedLidarPly",
+}
+_FLASH_TAGGED_POINT = (*_POINT, *_floats("object_idx", "object_tag"))
 _TAGGED_POINT = (
     *_floats("x", "y", "z", "cos_incidence"),
     Column("object_idx", "<u4"),
@@ -254,6 +261,42 @@ BUILT_IN = (
         columns=_POINT,
         recorded=_TAGGED_POINT,
         codecs=_POINT_CODECS,
+        modality="lidar",
+        icon="lidar",
+        field_of_view="cone",
+    ),
+    SensorKind(
+        name="semantic_flash_lidar",
+        blueprint="sensor.camera.depth",
+        content=POINTS,
+        title="Semantic flash LiDAR",
+        short="SEMFLASH",
+        description="Semantic flash LiDAR.",
+        summary="A flash LiDAR whose points know the object that they hit, made of depth and "
+        "instance pictures.",
+        attributes=FLASH_LIDAR,
+        collector="carstage.collector.sensors.cameras:Camera",
+        columns=_FLASH_TAGGED_POINT,
+        recorded=BGRA,
+        codecs=_FLASH_TAGGED_CODECS,
+        modality="lidar",
+        icon="lidar",
+        field_of_view="cone",
+    ),
+    SensorKind(
+        name="semantic_ray_flash_lidar",
+        blueprint="sensor.lidar.ray_cast_flash",
+        content=POINTS,
+        title="Semantic flash LiDAR by rays",
+        short="SEMRAYFLASH",
+        description="Semantic flash LiDAR by rays.",
+        summary="A flash LiDAR by rays whose points know the object that they hit; the embedded "
+        "simulator has it.",
+        attributes=RAY_FLASH_LIDAR,
+        collector=_RAYS + "FlashRays",
+        columns=_FLASH_TAGGED_POINT,
+        recorded=_TAGGED_POINT,
+        codecs=_FLASH_TAGGED_CODECS,
         modality="lidar",
         icon="lidar",
         field_of_view="cone",

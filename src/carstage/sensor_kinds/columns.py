@@ -30,6 +30,17 @@ class Point(IntEnum):
     INTENSITY = 3
 
 
+class TaggedPoint(IntEnum):
+    """Columns of the points of a semantic flash LiDAR after those of :class:`Point`.
+
+    ``OBJECT`` is the id of what was hit, ``TAG`` its semantic tag in CARLA's numbers since 0.9.14.
+    Both are 0 of a false echo.
+    """
+
+    OBJECT = 4
+    TAG = 5
+
+
 class SweepPoint(IntEnum):
     """Columns of the points of a sweeping LiDAR after x, y, z.
 

@@ -161,6 +161,11 @@ class SensorKind:
         return self.content == MESSAGES
 
     @property
+    def tags_points(self) -> bool:
+        """Whether its points have a semantic tag beside their intensity."""
+        return self.content == POINTS and any(c.name == "object_tag" for c in self.columns)
+
+    @property
     def viewer(self) -> str:
         """What shows a frame: ``image``, ``points``, ``radar`` or ``none``."""
         return "image" if self.is_camera else _VIEWERS.get(self.content, "points")

@@ -51,7 +51,8 @@ class SensorSpec:
             the agent.
         attach_index: which actor of that pattern, by distance from the ego at the start.
         attachment: ``rigid``, ``follow``, ``spring_arm`` or ``spring_arm_ghost``.
-        depth, instance: of a labelled camera: ids of the sensors with its pose and intrinsics.
+        depth, instance: of a labelled camera: ids of the sensors with its pose and intrinsics;
+            ``instance`` also of a flash LiDAR that takes the tags of its points from there.
         lens: the camera model that its pictures are re-projected to; None: as they are recorded.
         faces: ids of the hidden sensors with the cube's other faces, in the order of ``FACES``;
             None where one picture holds all that the lens, or the flash LiDAR, looks at.
@@ -77,7 +78,11 @@ class SensorSpec:
     @property
     def streams(self) -> Tuple[str, ...]:
         """Streams of the raw log that its frames are made from; its own is the first."""
-        return (self.id, *(self.faces or ()))
+        faces = self.faces or ()
+        if self.flash is None or self.instance is None:
+            return (self.id, *faces)
+        others = (face_of(self.instance, face) for face in faces)
+        return (self.id, *faces, self.instance, *others)
 
     @property
     def content(self) -> str:
@@ -104,6 +109,11 @@ class SensorSpec:
             faces=fields.words("faces") if "faces" in fields else None,
             flash=FlashSpec.read(fields.object("flash")) if "flash" in fields else None,
         )
+
+
+def face_of(sensor_id: str, face_id: str) -> str:
+    """Id of a sensor's face that looks where that face of another sensor does."""
+    return "%s.%s" % (sensor_id, face_id[-1])
 
 
 def read_sensors(fields: Fields, kinds: Optional[Collection[str]]) -> Tuple[SensorSpec, ...]:

@@ -497,9 +497,10 @@ def test_kinds_have_distinct_blueprints_but_those_made_of_another_ones_data() ->
     own = [kind.blueprint for kind in kinds() if not kind.recorded]
     assert len(set(own)) == len(own)
     assert {kind.name for kind in kinds() if kind.recorded} == {
-        "flash_lidar", "ray_flash_lidar", "sweeping_lidar",
+        "flash_lidar", "ray_flash_lidar", "semantic_flash_lidar", "semantic_ray_flash_lidar",
+        "sweeping_lidar",
     }  # fmt: skip
-    assert len(SENSOR_KINDS) == len(own) + 3
+    assert len(SENSOR_KINDS) == len(own) + 5
 
 
 def test_sensor_that_the_chosen_version_lacks_is_refused_at_its_place() -> None:

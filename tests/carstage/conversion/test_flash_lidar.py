@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from carstage.config import parse_config
 from carstage.conversion.flash_lidar import flash_payload, flash_points, frame_seed
+from carstage.conversion.tag_numbers import dataset_payload
 from carstage.geometry import focal_length_px, rotate
 from carstage.geometry.flash_beams import beam_angles, beam_directions
 from carstage.geometry.lens_sources import FACE_AXES
@@ -25,9 +26,9 @@ Surface = Callable[[Points], Points]
 """Ranges ``(...)`` along unit rays ``(..., 3)`` in optical axes; infinity: nothing."""
 
 
-def flash_sensor(**attributes: Any) -> SensorSpec:
+def flash_sensor(kind: str = "flash_lidar", **attributes: Any) -> SensorSpec:
     given = ", ".join(f"{name}: {value}" for name, value in attributes.items())
-    text = f"rig: {{sensors: [{{id: FLASH, kind: flash_lidar, attributes: {{{given}}}}}]}}"
+    text = f"rig: {{sensors: [{{id: FLASH, kind: {kind}, attributes: {{{given}}}}}]}}"
     return next(s for s in plan_sensors(parse_config(text)) if s.id == "FLASH")
 
 
@@ -261,6 +262,78 @@ def test_a_field_of_view_all_around_is_made_of_a_cube() -> None:
     error = np.abs(sides.max(axis=1) - 1.0)
     assert np.quantile(error, 0.99) < 1e-3  # the rest are in the room's own edges
     assert error.max() < 0.05
+
+
+def instance_picture(depth: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Left of the middle object 513 with tag 14, right of it 7 with tag 1."""
+    found = np.full_like(depth, 255)
+    middle = depth.shape[2] // 2
+    found[:, :, :middle, :3] = (513 >> 8, 513 & 255, 14)
+    found[:, :, middle:, :3] = (0, 7, 1)
+    return found
+
+
+def test_a_point_has_the_tag_of_the_sample_with_the_most_power() -> None:
+    # One beam of two degrees: six of nine samples right of the edge, on the far wall.
+    sensor = flash_sensor(
+        "semantic_flash_lidar", columns=1, rows=1, horizontal_fov_deg=2, vertical_fov_deg=2,
+        samples=3, returns="all", oversampling=8,
+    )  # fmt: skip
+    assert sensor.streams == ("FLASH", "FLASH.instance")
+    depth = pictures(sensor, edge_at(math.radians(-1 / 3)))
+    points = flash_points(sensor, np.concatenate([depth, instance_picture(depth)]), 1)
+    assert points[0, 4:].tolist() == [513.0, 14.0]
+    assert points[1, 4] in (7.0, 513.0)
+    near = pictures(sensor, edge_at(0.0, 10.0, 10.0))
+    tagged = flash_points(sensor, np.concatenate([near, instance_picture(near)]), 1)
+    assert tagged.shape == (1, 6)
+    plain_sensor = flash_sensor(
+        columns=1, rows=1, horizontal_fov_deg=2, vertical_fov_deg=2, samples=3, returns="all",
+        oversampling=8,
+    )  # fmt: skip
+    assert flash_points(plain_sensor, near, 1).tobytes() == tagged[:, :4].tobytes()
+
+
+def test_false_echoes_have_no_tag() -> None:
+    sensor = flash_sensor(
+        "semantic_flash_lidar", false_return_rate=0.2, range_reflectivity=0.1, range_m=60,
+        reflectivity=1.0, returns="all",
+    )  # fmt: skip
+    depth = pictures(sensor, WALL)
+    points = flash_points(sensor, np.concatenate([depth, instance_picture(depth)]), 1)
+    false = np.abs(ranges_of(points) - 20.0) > 3.5
+    assert false.sum() > 300
+    assert (points[false, 4:] == 0).all()
+    right = points[~false, 1] > 0.2
+    assert (points[~false, 5][right] == 1).mean() > 0.95  # a false one may be near the wall
+
+
+def test_the_faces_of_a_cube_have_tags_too() -> None:
+    sensor = flash_sensor("semantic_flash_lidar", horizontal_fov_deg=360, columns=64, samples=1)
+    faces = [f"FLASH.{face}" for face in "rlb"]
+    assert sensor.streams == (
+        "FLASH", *faces, "FLASH.instance", *(f"FLASH.instance.{face}" for face in "rlb"),
+    )  # fmt: skip
+    depth = pictures(sensor, WALL) * 0 + np.array([100, 100, 1, 255], np.uint8)
+    instance = depth.copy()
+    for number in range(4):
+        instance[number, ..., 2] = 20 + number
+    points = flash_points(sensor, np.concatenate([depth, instance]), 1)
+    azimuth = np.degrees(np.arctan2(points[:, 1], points[:, 0]))
+    for middle, tag in ((0, 20), (90, 21), (-90, 22)):
+        assert (points[np.abs(azimuth - middle) < 40, 5] == tag).all()
+    assert (points[np.abs(azimuth) > 140, 5] == 23).all()
+
+
+def test_old_servers_tags_get_the_numbers_of_datasets() -> None:
+    points = np.zeros((2, 6), np.float32)
+    points[:, 4:] = [[9, 10], [0, 7]]
+    payload = points.reshape(-1).view(np.uint8).data
+    for kind in ("semantic_flash_lidar", "semantic_ray_flash_lidar"):
+        renumbered = np.frombuffer(dataset_payload(kind, "0.9.13", payload), "<f4").reshape(-1, 6)
+        assert renumbered[:, 5].tolist() == [14.0, 1.0]
+        assert renumbered[:, 4].tolist() == [9.0, 0.0]
+        assert dataset_payload(kind, "0.9.16", payload) is payload
 
 
 def test_a_tick_that_lacks_a_face_has_no_points() -> None:

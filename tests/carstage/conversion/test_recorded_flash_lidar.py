@@ -44,6 +44,10 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
             sensor("LINES", **LINES), sensor("WIDE", **WIDE), sensor("AROUND", **AROUND),
             sensor("RAYS", "ray_flash_lidar", **LINES),
             sensor("WIDE_RAYS", "ray_flash_lidar", **WIDE),
+            sensor("TAGS", "semantic_flash_lidar", **LINES),
+            sensor("RAY_TAGS", "semantic_ray_flash_lidar", **LINES),
+            sensor("WIDE_TAGS", "semantic_flash_lidar", **WIDE),
+            sensor("SEMANTIC", "semantic", image_size=[1200, 400], fov_deg=70.0),
             sensor("DEPTH", "depth", image_size=[1200, 400], fov_deg=70.0),
         ]},
         "labels": {"birds_eye": {}},
@@ -85,7 +89,9 @@ def test_what_the_dataset_promises_of_it_holds(dataset: Path) -> None:
 def test_its_points_are_counted_in_boxes_and_it_is_calibrated(episode: Episode) -> None:
     counted = [row["num_lidar_points"] for row in episode.objects().to_pylist()]
     names = {name for counts in counted for name, _ in counts or ()}
-    assert names == {"LINES", "WIDE", "AROUND", "RAYS", "WIDE_RAYS"}
+    assert names == {
+        "LINES", "WIDE", "AROUND", "RAYS", "WIDE_RAYS", "TAGS", "RAY_TAGS", "WIDE_TAGS",
+    }  # fmt: skip
     assert any(count > 5 for counts in counted for name, count in counts or () if name == "LINES")
     flash = episode.sensor("LINES").calibration.flash
     assert flash is not None
@@ -122,6 +128,48 @@ def test_rays_and_depth_pictures_measure_the_same_beams(episode: Episode) -> Non
     assert wide[1] == pytest.approx(wide[0], rel=0.1)
 
 
+def test_tags_are_those_of_rays_and_of_a_finer_picture(episode: Episode) -> None:
+    """Where ranges agree, beams end on one surface; at borders of paint tags may yet differ."""
+    assert episode.sensor("TAGS").read(0).shape[1] == 6
+    pictures, rays = (by_beam(episode, name) for name in ("TAGS", "RAY_TAGS"))
+    same = np.abs(pictures - rays) <= 0.01
+    assert same.sum() > 1000
+    tags, ray_tags = (by_beam(episode, name, 5)[same] for name in ("TAGS", "RAY_TAGS"))
+    assert len(np.unique(tags)) > 4
+    assert (tags == ray_tags).mean() > 0.99
+    objects, ray_objects = (by_beam(episode, name, 4)[same] for name in ("TAGS", "RAY_TAGS"))
+    known = np.isin(objects, [row["track_id"] for row in episode.objects().to_pylist()])
+    assert known.sum() > 10
+    assert (objects == ray_objects)[known].mean() > 0.99
+    camera = episode.sensor("SEMANTIC").calibration
+    points = episode.sensor("TAGS").read(0).astype(np.float64)
+    x, y, z = points[:, :3].T
+    u, v = camera.k[0, 0] * y / x + camera.k[0, 2], -camera.k[1, 1] * z / x + camera.k[1, 2]
+    picture = episode.sensor("SEMANTIC").read(0)
+    around = np.stack([
+        picture[v.astype(int) + dv, u.astype(int) + du] for dv in (-3, 0, 3) for du in (-3, 0, 3)
+    ])  # fmt: skip
+    inner = (around == around[0]).all(axis=0)
+    assert inner.sum() > 1000
+    assert (points[inner, 5] == around[0, inner]).mean() > 0.999
+
+
+def test_labels_of_semantic_kitti_are_the_points_own(
+    dataset: Path, episode: Episode, tmp_path: Path
+) -> None:
+    export_dataset(
+        "semantic-kitti", str(dataset), str(tmp_path / "out"), ExportOptions(lidar="TAGS"),
+        workers=1,
+    )  # fmt: skip
+    paths = sorted((tmp_path / "out").glob("**/labels/*.label"))
+    assert len(paths) == episode.frames
+    labels = np.fromfile(paths[0], "<u4") & 0xFFFF
+    points = episode.sensor("TAGS").read(0)
+    assert len(labels) == len(points)
+    assert (labels[points[:, 5] == 1] == 40).all()  # roads
+    assert (labels[points[:, 5] == 1]).size > 100
+
+
 def test_all_around_has_points_on_every_side(episode: Episode) -> None:
     points = episode.sensor("AROUND").read(0)
     azimuth = np.degrees(np.arctan2(points[:, 1], points[:, 0]))
@@ -154,6 +202,9 @@ def test_mcap_has_a_channel_of_its_points(dataset: Path, episode: Episode, tmp_p
     (path,) = (tmp_path / "out").glob("*.mcap")
     _, cloud = foxglove_messages(path)["/WIDE/points"][0]
     assert len(cloud.data) == 16 * len(episode.sensor("WIDE").read(0))
+    _, tagged = foxglove_messages(path)["/TAGS/points"][0]
+    assert [field.name for field in tagged.fields][-2:] == ["object_idx", "object_tag"]
+    assert len(tagged.data) == 24 * len(episode.sensor("TAGS").read(0))
 
 
 def moved_off_their_beams(points: NDArray[np.float32]) -> None:
@@ -162,6 +213,18 @@ def moved_off_their_beams(points: NDArray[np.float32]) -> None:
 
 def farther(points: NDArray[np.float32]) -> None:
     points[:50, :3] *= 60.0
+
+
+def test_tags_that_no_class_has_are_found(dataset: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "copy"
+    shutil.copytree(dataset, copy)
+    (path,) = (attempt_of(copy) / "sensors" / "TAGS").glob("000000.bin")
+    points = np.fromfile(path, "<f4").reshape(-1, 6)
+    points[:3, 5] = (99.0, 1.5, -1.0)
+    points.tofile(path)
+    recommit(copy)
+    found = [p for p in validate_dataset(copy).problems if p.check == "flash_tags"]
+    assert [problem.message.split(" of ")[0] for problem in found] == ["3"]
 
 
 @pytest.mark.parametrize("damage", [moved_off_their_beams, farther])

@@ -422,6 +422,7 @@ def test_exact_voxels_need_more_disk_while_they_are_recorded() -> None:
         ("sweeping_lidar", "lidar.ray_cast_sweeping"),
         ("rcs_radar", "other.radar_rcs"),
         ("ray_flash_lidar", "lidar.ray_cast_flash"),
+        ("semantic_ray_flash_lidar", "lidar.ray_cast_flash"),
     ],
 )
 def test_a_sensor_of_the_simulators_own_is_refused_by_name_elsewhere(

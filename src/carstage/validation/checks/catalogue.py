@@ -67,6 +67,7 @@ GROUPS: Final[dict[str, dict[str, str]]] = {
         "lidar_counts": "boxes hold as many LiDAR points as their labels say",
         "lidar_depth": "LiDAR and depth images see the same surfaces",
         "flash_beams": "points of flash LiDARs lie on their beams, within their range",
+        "flash_tags": "points of semantic flash LiDARs have tags that there are",
         "sweep_motion": "points of sweeping LiDARs are measured in their turn, motion is undone",
         "radar_rcs": "radar cross sections are those that their model may give",
         "tags": "semantic and instance images of one pose show the same tags",

@@ -58,7 +58,7 @@ from carstage.validation.checks.files import (
     tables_of,
 )
 from carstage.validation.checks.findings import Findings
-from carstage.validation.checks.flash import check_beams, is_comparable
+from carstage.validation.checks.flash import check_beams, check_point_tags, is_comparable
 from carstage.validation.checks.flow import FlowFigures, check_flow, compare_with_motion
 from carstage.validation.checks.labels import (
     LabelledBox,
@@ -380,6 +380,7 @@ class EpisodeChecks:
             if lidar.content == POINTS:
                 check_intensity(data[lidar.id], lidar.id, k, self._findings)
                 check_beams(points, lidar.calibration, k, self._findings)
+                check_point_tags(data[lidar.id], lidar.calibration, k, self._findings)
                 self._check_sweep(lidar, k, data[lidar.id])
                 self._figures.points_in_boxes += check_point_counts(
                     points, lidar.calibration_at(k), k, boxes, self._findings

@@ -1,4 +1,4 @@
-"""Points of a flash LiDAR lie on its beams, no farther than it measures, no more than it has."""
+"""Points of a flash LiDAR lie on its beams within its range, and have tags that there are."""
 
 from __future__ import annotations
 
@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 
 from carstage.dataset.calibration import SensorCalibration
 from carstage.geometry.flash_beams import beam_angles
+from carstage.sensor_kinds import sensor_kind
+from carstage.sensor_kinds.columns import TaggedPoint
+from carstage.tags import TAGS_0_9_14
 from carstage.validation.checks.findings import Findings
 from carstage.validation.checks.sweeps import SWEEPING
 
@@ -58,6 +61,29 @@ def check_beams(
             findings.add(
                 "flash_beams", f"{wrong} of {len(points)} points {what}", frame=k, sensor=lidar.id
             )
+
+
+def check_point_tags(
+    points: NDArray[np.floating[Any]], lidar: SensorCalibration, k: int, findings: Findings
+) -> None:
+    """Report tags of points that no table has (check ``flash_tags``).
+
+    Args:
+        points: ``(N, 6)``, see :class:`carstage.sensor_kinds.columns.TaggedPoint`.
+        lidar: its calibration.
+        k: the frame.
+        findings: where problems go.
+    """
+    if not sensor_kind(lidar.kind).tags_points:
+        return
+    unknown = int((~np.isin(points[:, TaggedPoint.TAG], list(TAGS_0_9_14))).sum())
+    if unknown:
+        findings.add(
+            "flash_tags",
+            f"{unknown} of {len(points)} points have a tag that no class has",
+            frame=k,
+            sensor=lidar.id,
+        )
 
 
 def _off(angle: NDArray[np.float64], beams: NDArray[np.float64]) -> NDArray[np.float64]:

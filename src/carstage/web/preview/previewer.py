@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from carstage.annotation.point_sensors import radar_detections
 from carstage.codecs import codec_for
 from carstage.codecs.codec import image_bgra
-from carstage.conversion.flash_lidar import BY_RAYS, flash_points, ray_points
+from carstage.conversion.flash_lidar import flash_points, is_by_rays, ray_points
 from carstage.conversion.tag_numbers import dataset_payload
 from carstage.files.locks import take_lock
 from carstage.files.whole import write_whole
@@ -34,6 +34,7 @@ from carstage.report.drawing import camera_view
 from carstage.runs.folder import FINAL_STATES
 from carstage.runs.reading import read_document
 from carstage.sensor_kinds import sensor_kind
+from carstage.sensor_kinds.columns import Point
 from carstage.sensor_kinds.model import CLOUDS, DETECTIONS
 from carstage.spec import EpisodeSpec, SensorSpec
 from carstage.web.preview.sensor_views import PALETTE, jpeg, points_of, scaled
@@ -121,13 +122,14 @@ def draw_sensor(
     """As :func:`draw_record`; of a flash LiDAR points of its rays, or of its picture ahead."""
     if sensor.flash is None:
         return draw_record(sensor.kind, server, record, width, most_points)
-    if sensor.kind == BY_RAYS:
+    if is_by_rays(sensor):
         points = ray_points(sensor, record.meta, record.payload, record.tick)
-        return _thinned(points, most_points)
+        return _thinned(points[:, : Point.INTENSITY + 1], most_points)
     ahead = image_bgra(record.meta, memoryview(record.payload))
     nothing_hit = np.full_like(ahead, 255)
     pictures = np.stack([ahead, *(nothing_hit for _ in sensor.streams[1:])])
-    return _thinned(flash_points(sensor, pictures, record.tick), most_points)
+    points = flash_points(sensor, pictures, record.tick)
+    return _thinned(points[:, : Point.INTENSITY + 1], most_points)
 
 
 def draw_record(

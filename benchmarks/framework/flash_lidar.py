@@ -35,8 +35,8 @@ NEAR_M = 0.01
 """What ranges may be wrong by."""
 ODD = 1e-4
 """Share of beams on one surface that have a point where the ray has none, or the reverse."""
-SAME_TAGS = 0.995
-"""Share of beams on one surface with the same tag; lines on roads have a tag of their own."""
+SAME_TAGS = 0.999
+"""Share of beams with the same tag, of those on one surface where the finer picture has one tag."""
 BEYOND = 0.005
 """Share of echoes of wide beams on what is finer than either picture, such as leaves."""
 _FLAT_M = 0.005
@@ -78,6 +78,7 @@ _CONFIG = {
             _sensor("CAST", "semantic_ray_flash_lidar", **_LINES),
             _sensor("WIDE_CAST", "ray_flash_lidar", **_BEAMS, returns="all"),
             _sensor("DEPTH", "depth", image_size=[2048, 640], fov_deg=66.0),
+            _sensor("SEMANTIC", "semantic", image_size=[2048, 640], fov_deg=66.0),
             _sensor(
                 "RAYS", "semantic_lidar", _HALF_COLUMN_DEG, channels=ROWS, range_m=RANGE_M,
                 upper_fov_deg=_TOP_DEG, lower_fov_deg=-_TOP_DEG, horizontal_fov_deg=ACROSS_DEG,
@@ -99,8 +100,8 @@ class _Found:
         noise: differences of noisy ranges to those without noise (m).
         ways, ways_at_edges: differences of ranges between pictures and rays of the simulator's own
             flash LiDAR (m), on one surface and elsewhere.
-        tags_to_rays, tags_of_ways: of beams on one surface, whether the tag is the ray's; whether
-            pictures and rays of the simulator's own flash LiDAR give the same one.
+        tags_to_rays, tags_of_ways: of beams on one surface with one tag, whether the tag is the
+            ray's; whether pictures and rays of the simulator's own flash LiDAR give the same one.
         missing: beams without a point where the ray meets something, on one surface.
         extra: points where the ray meets nothing, on one surface.
         kept, possible: points with drop-off and without.
@@ -214,12 +215,13 @@ def _compare(frame: Frame, found: _Found) -> None:
     found.ways.append(between[known & flat])
     found.ways_at_edges.append(between[known & ~flat])
     found.cast_echoes += len(frame.read("WIDE_CAST"))
+    one_tag = flat & _have_one_tag(frame, lidar.flash)
     tags = _column_by_beam(frame.read("LINES"), lidar.flash, TaggedPoint.TAG)
     cast_tags = _column_by_beam(frame.read("CAST"), lidar.flash, TaggedPoint.TAG)
     ray_tags = np.full(ray_m.shape, np.nan)
     ray_tags[_beams_of(turned, lidar.flash, _HALF_COLUMN_DEG)] = rays["object_tag"]
-    found.tags_to_rays.append((tags == ray_tags)[both & flat])
-    found.tags_of_ways.append((tags == cast_tags)[known & flat])
+    found.tags_to_rays.append((tags == ray_tags)[both & one_tag])
+    found.tags_of_ways.append((tags == cast_tags)[known & one_tag])
     inner = flat & (ray_m < RANGE_M - 1.0)
     found.missing += int((np.isnan(lines) & ~np.isnan(ray_m) & inner).sum())
     found.extra += int((~np.isnan(lines) & np.isnan(ray_m) & flat & (lines < RANGE_M - 1.0)).sum())
@@ -261,11 +263,7 @@ def _depth_ranges(
     depth: FloatArray, frame: Frame, flash: FlashSpec
 ) -> tuple[FloatArray, FloatArray]:
     """``(beams,)`` range where the finer picture has each beam, and how far 1/depth bends there."""
-    azimuth, elevation = np.meshgrid(*beam_angles(flash))
-    camera = frame.episode.sensor("DEPTH").calibration
-    x = np.tan(azimuth).reshape(-1)
-    y = (-np.tan(elevation) / np.cos(azimuth)).reshape(-1)
-    u, v = camera.k[0, 0] * x + camera.k[0, 2] - 0.5, camera.k[1, 1] * y + camera.k[1, 2] - 0.5
+    x, y, u, v = _places(frame, flash)
     i, j = np.floor(u).astype(np.intp), np.floor(v).astype(np.intp)
     inverse = 1.0 / depth
     a, b = u - i, v - j
@@ -278,6 +276,29 @@ def _depth_ranges(
     planes = np.linalg.lstsq(at, values, rcond=None)[0]
     bend = np.abs(values - at @ planes).max(axis=0) / values.mean(axis=0)
     return ranges, bend
+
+
+def _places(frame: Frame, flash: FlashSpec) -> tuple[FloatArray, ...]:
+    """``(beams,)`` slopes to the right and down, and pixels from the middle of the first one."""
+    azimuth, elevation = np.meshgrid(*beam_angles(flash))
+    camera = frame.episode.sensor("DEPTH").calibration
+    x = np.tan(azimuth).reshape(-1)
+    y = (-np.tan(elevation) / np.cos(azimuth)).reshape(-1)
+    return (
+        x,
+        y,
+        camera.k[0, 0] * x + camera.k[0, 2] - 0.5,
+        camera.k[1, 1] * y + camera.k[1, 2] - 0.5,
+    )
+
+
+def _have_one_tag(frame: Frame, flash: FlashSpec) -> NDArray[np.bool_]:
+    """``(beams,)`` whether 6 x 6 pixels of the finer picture have one tag; lines are paint."""
+    _, _, u, v = _places(frame, flash)
+    i, j = np.floor(u).astype(np.intp), np.floor(v).astype(np.intp)
+    picture = frame.read("SEMANTIC")
+    around = np.stack([picture[j + dv, i + du] for dv in range(-2, 4) for du in range(-2, 4)])
+    return np.asarray((around == around[0]).all(axis=0))
 
 
 def _compare_wide(frame: Frame, depth: FloatArray, found: _Found) -> None:

@@ -138,8 +138,7 @@ def find_echoes(
     range_m: NDArray[np.float64],
     cosine: NDArray[np.float64],
     limits_m: tuple[float, float],
-    spread: tuple[float, float],
-    surface: tuple[float, float],
+    optics: tuple[float, float, float, float],
     echo_m: NDArray[np.float64],
     echo_power: NDArray[np.float64],
     echo_sample: NDArray[np.int64],
@@ -153,15 +152,14 @@ def find_echoes(
     Args:
         range_m, cosine: ``(B, S)`` of the samples.
         limits_m: nearest and farthest range that is measured.
-        spread: side of a sample's share of the footprint (rad), gap between two echoes (m).
-        surface: ``reflectivity`` and ``attenuation_per_m`` of ``FlashSpec``.
+        optics: side of a sample's share of the footprint (rad), gap between two echoes (m), then
+            ``reflectivity`` and ``attenuation_per_m`` of ``FlashSpec``.
         echo_m, echo_power: ``(B, S)``, to be filled.
         echo_sample: ``(B, S)``, to be filled: the sample of each echo with the most power.
         count: ``(B,)``, to be filled.
     """
     share = 1.0 / range_m.shape[1]
-    sample_rad, separation_m = spread
-    reflectivity, attenuation_per_m = surface
+    sample_rad, separation_m, reflectivity, attenuation_per_m = optics
     for b in range(range_m.shape[0]):
         order = np.argsort(range_m[b])
         found, end_m, most = 0, -np.inf, -1.0

@@ -216,11 +216,10 @@ def echoes_of_samples(
     echo_m, echo_power = np.empty(shape), np.empty(shape)
     echo_sample, count = np.empty(shape, np.int64), np.empty(shape[0], np.int64)
     limits_m = (flash.min_range_m, flash.range_m)
-    find_echoes(
-        range_m, cosine, limits_m, (_sample_rad(flash), flash.echo_separation_m),
-        (flash.reflectivity, flash.attenuation_per_m), echo_m, echo_power, echo_sample,
-        count,
+    optics = (
+        _sample_rad(flash), flash.echo_separation_m, flash.reflectivity, flash.attenuation_per_m,
     )  # fmt: skip
+    find_echoes(range_m, cosine, limits_m, optics, echo_m, echo_power, echo_sample, count)
     chances = (
         weakest_power(flash), flash.noise_stddev_m, flash.ambient_noise, flash.false_return_rate,
         flash.dropoff_rate,

@@ -158,7 +158,7 @@ def test_labels_of_semantic_kitti_are_the_points_own(
     dataset: Path, episode: Episode, tmp_path: Path
 ) -> None:
     export_dataset(
-        "semantic-kitti", str(dataset), str(tmp_path / "out"), ExportOptions(lidar="TAGS"),
+        "semantickitti", str(dataset), str(tmp_path / "out"), ExportOptions(lidar="TAGS"),
         workers=1,
     )  # fmt: skip
     paths = sorted((tmp_path / "out").glob("**/labels/*.label"))

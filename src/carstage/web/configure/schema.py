@@ -106,7 +106,7 @@ class SchemaService:
             defaults=dump_config(Config()),
             demo=dump_config(load_demo()),
             sensor_defaults={
-                kind: cls.model_validate({"id": kind.upper(), "kind": kind}).model_dump(mode="json")
+                kind: cls.model_validate({"id": "SENSOR", "kind": kind}).model_dump(mode="json")
                 for kind, cls in SENSOR_KINDS.items()
             },
         )

@@ -147,6 +147,7 @@ class EpisodeRecorder:
         segment_ticks = ticks_per_segment(spec.fps, bytes_per_tick.values())
         budget = ByteBudget(self._plan.queue_bytes, sum(of_sensors.values()))
         failures: List[BaseException] = []
+        patience = patience_s(spec.timing, self._plan.server.timeout_s)
         writers = stack.enter_context(
             LogWriters(
                 folder,
@@ -166,7 +167,7 @@ class EpisodeRecorder:
                 writers,
                 FrameMatcher(
                     list(spec.streams),
-                    patience_s(spec.timing, self._plan.server.timeout_s),
+                    patience,
                     not spec.timing.demands_all,
                     not spec.timing.sensor_sync,
                     sparse=_sparse(spec),
@@ -182,7 +183,7 @@ class EpisodeRecorder:
         # Before the server's clock counts: texts of large towns have many megabytes.
         map_crc32 = write_map_file(folder, session.map.to_opendrive())
         listening_ticks = self._plan.sensor_warmup_ticks
-        warm_up(scene, pipeline, episode, listening_ticks, self._events, self._stop)
+        warm_up(scene, pipeline, episode, listening_ticks, self._events, self._stop, patience)
         observer = _observer(session, scene, spec)
         saved = SavedFrames(spec.saved)
         for tick, step in self._ticks(scene, pipeline, spec.steps):

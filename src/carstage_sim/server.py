@@ -28,7 +28,7 @@ from carstage_sim.freed_memory import give_back_freed_memory
 from carstage_sim.simulation import CapturedFrame, Scene, Simulation
 from carstage_sim.wire.dialect import Dialect
 from carstage_sim.wire.handlers import Session, TickRequest, serve
-from carstage_sim.wire.late_pictures import LatePictures
+from carstage_sim.wire.late_pictures import LatePicture, LatePictures
 from carstage_sim.wire.payloads import encode_frame, sensor_header
 from carstage_sim.wire.relabelling import Relabelling
 from carstage_sim.wire.rpc import Disconnected, Event, RpcServer
@@ -38,6 +38,7 @@ from carstage_sim.wire.streaming import StreamingServer
 from carstage_sim.wire.synchronous_owners import SynchronousOwners
 from carstage_sim.wire.traffic_managers import TrafficManagers
 from carstage_sim.wire.values import encode_actor, encode_scenery
+from carstage_sim.world.actors import Actor
 from carstage_sim.world.blueprints import sent_as
 from carstage_sim.world.snapshot import Snapshot
 
@@ -183,6 +184,7 @@ class Server:
 
     def _waits_for_pictures(self) -> bool:
         """Whether the next tick waits for pictures of earlier ones."""
+        self._late.asked_by({one.call.connection.number for one in self._due_requests()})
         self._undrawn = [drawn for drawn in self._undrawn if not drawn.done()]
         if not self._undrawn or self._late.hold_up_the_world:
             return self._late.hold_up_the_world
@@ -315,7 +317,11 @@ class Server:
 
         for captured in self._simulation.measure(scene):
             publish(captured)
-        drawn = self._simulation.draw(scene, publish, self._late.turn if wait else None)
+
+        def late_turn(sensor: Actor) -> LatePicture | None:
+            return self._late.turn(sensor.stream_id, sensor.client)
+
+        drawn = self._simulation.draw(scene, publish, late_turn if wait else None)
         self._late.begin_frame()
         if drawn is not None:
             self._undrawn.append(drawn)

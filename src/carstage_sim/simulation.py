@@ -316,14 +316,14 @@ class Simulation:
         self,
         scene: Scene,
         publish: Callable[[CapturedFrame], None],
-        late_turn: Callable[[int], LateTurn | None] | None,
+        late_turn: Callable[[Actor], LateTurn | None] | None,
     ) -> Future[None] | None:
         """Begin to draw what the other sensors see.
 
         Args:
             scene: the frame.
             publish: called with the data of one sensor after the other, in the drawing thread.
-            late_turn: gives, by stream number, a turn to data that may come after those of later
+            late_turn: gives, by sensor, a turn to data that may come after those of later
                 frames, None to others. Without it the whole frame is left out if another is still
                 drawn.
 
@@ -412,12 +412,12 @@ class Simulation:
             logger.exception("%s cannot be prepared", type_id)
 
 
-def _late_turns(scene: Scene, turn_of: Callable[[int], LateTurn | None]) -> dict[int, LateTurn]:
+def _late_turns(scene: Scene, turn_of: Callable[[Actor], LateTurn | None]) -> dict[int, LateTurn]:
     """The turns, by sensor id, of the sensors whose data of a frame may be late."""
     turns: dict[int, LateTurn] = {}
     for request in scene.looking:
         if SensorRegistry.may_be_late(request.type_id):
-            turn = turn_of(scene.watched[request.sensor_id][0].stream_id)
+            turn = turn_of(scene.watched[request.sensor_id][0])
             if turn is not None:
                 turns[request.sensor_id] = turn
     return turns

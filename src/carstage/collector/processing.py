@@ -110,6 +110,9 @@ class _Datum(NamedTuple):
     size_bytes: int
 
 
+_LOOK = object()
+"""In the inbox: nothing but a sign that ticks were announced."""
+
 _FORGET_EARLY = object()
 """In the inbox: drop the data of ticks that were not announced."""
 
@@ -149,6 +152,7 @@ class Pipeline:
         pause_s: what comes is looked at so far apart, while there is room. Threads that wake for
             each datum take the processor from a world that does not wait for them.
         on_start: called first in the matcher's thread.
+        on_expected: called in the matcher's thread with each announced tick.
     """
 
     def __init__(
@@ -164,8 +168,10 @@ class Pipeline:
         clock_s: Callable[[], float] = time.monotonic,
         pause_s: float = 0.0,
         on_start: Callable[[], None] = lambda: None,
+        on_expected: Callable[[ExpectedFrame], None] = lambda expected: None,
     ) -> None:
         self._pause_s = pause_s
+        self._on_expected = on_expected
         self._on_start = on_start
         self._ended = threading.Event()
         self._sensors = sensors
@@ -178,6 +184,7 @@ class Pipeline:
         self._clock_s = clock_s
         self._inbox: SimpleQueue[Any] = SimpleQueue()
         self._came: Deque[Any] = deque()
+        self._announced: Deque[Tuple[ExpectedFrame, float]] = deque()
         self._state = threading.Condition()
         self._sparse = tuple(name for name, sensor in sensors.items() if sensor.kind.is_sparse)
         self._newest: Dict[str, int] = dict.fromkeys(sensors, -1)
@@ -303,10 +310,19 @@ class Pipeline:
         self._inbox.put(after_frame)
 
     def expect(self, expected: ExpectedFrame) -> None:
-        """Announce a tick; ``expected.context`` is its :class:`WorldMoment`."""
+        """Announce a tick; ``expected.context`` is its :class:`WorldMoment`.
+
+        To wake the matcher's thread costs the one that ticks. It looks at what is announced when
+        data come, at the next tick, and before anybody waits for it.
+        """
         if self._strict:  # elsewhere a frame may stay open although nothing of it will come
             self._budget.expect_tick()
-        self._inbox.put(expected)
+        self._show_announced()
+        self._announced.append((expected, self._clock_s()))
+
+    def _show_announced(self) -> None:
+        if self._announced:
+            self._inbox.put(_LOOK)
 
     def wait_for_room(self, stop: StopRequest) -> None:
         """Wait until the budget lets in another tick.
@@ -318,6 +334,10 @@ class Pipeline:
             RecordingError: something broke in another thread.
             InterruptedByRequestError: somebody asked to end.
         """
+        if self._budget.wait_for_room(0.0):
+            self.check()
+            return
+        self._show_announced()
         begin_s = self._clock_s()
         try:
             while not self._budget.wait_for_room(POLL_S):
@@ -348,6 +368,7 @@ class Pipeline:
 
     def wait_booked(self, ticks: int, timeout_s: float) -> bool:
         """Wait until that many ticks are in the ledger's queue; return whether they are."""
+        self._show_announced()
         with self._state:
             self._state.wait_for(
                 lambda: bool(self._booked_ticks >= ticks or self._failures), timeout_s
@@ -384,8 +405,10 @@ class Pipeline:
                 timeout=None if deadline_s is None else max(0.0, deadline_s - self._clock_s())
             )
         except Empty:
+            self._take_announced()
             self._pass_on(self._clock_s())
             return True
+        self._take_announced()
         now_s = self._clock_s()
         came = self._came
         came.append(first)
@@ -398,9 +421,7 @@ class Pipeline:
                 self._matcher.offer(item.sensor, item.frame, offered, now_s)
                 self._newest[item.sensor] = max(self._newest[item.sensor], item.frame)
                 delivered = True
-            elif isinstance(item, ExpectedFrame):
-                self._matcher.expect(item, now_s)
-            else:
+            elif item is not _LOOK:
                 self._pass_on(now_s)  # what came before it comes first
                 if item is None:
                     return False
@@ -410,6 +431,13 @@ class Pipeline:
                 self._state.notify_all()
         self._pass_on(now_s)
         return True
+
+    def _take_announced(self) -> None:
+        """Tell the matcher of the ticks that were made meanwhile, and when."""
+        while self._announced:
+            expected, made_s = self._announced.popleft()
+            self._matcher.expect(expected, made_s)
+            self._on_expected(expected)
 
     def _obey(self, item: Any) -> None:
         """Do what the main thread asks for."""

@@ -9,6 +9,7 @@ came, but for a client whose calls have taken long: those that wait go first.
 
 from __future__ import annotations
 
+import itertools
 import logging
 import reprlib
 import socket
@@ -62,11 +63,15 @@ class Packed:
         return Packed(_packer().pack(value))
 
 
+_numbers = itertools.count(1)
+
+
 class Connection:
     """One client: its requests that wait, replies to it, and those that are kept back for a while.
 
     Attributes:
         peer: the client's host address.
+        number: of the connection, from 1; no other one has it.
         held_calls: calls whose replies are kept back.
         splitter: cuts what it sends into messages. Only the socket thread touches it.
         waiting: its messages that are queued.
@@ -78,6 +83,7 @@ class Connection:
 
     def __init__(self, channel: Channel, warnings: ThrottledWarnings) -> None:
         self.peer = channel.peer
+        self.number = next(_numbers)
         self.held_calls: frozenset[str] = frozenset()
         self.splitter = MessageSplitter()
         self.waiting = 0

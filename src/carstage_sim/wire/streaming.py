@@ -84,6 +84,12 @@ class _Progress:
         """It has been written all that it was sent."""
         self._behind = None
 
+    def before_sending(self, channel: Channel) -> None:
+        """Something is about to be sent: who has taken everything is not slow with it yet."""
+        taken_bytes = channel.taken_bytes
+        if taken_bytes == channel.sent_bytes:
+            self._taken_bytes, self._since_s = taken_bytes, time.monotonic()
+
     def may_catch_up(self, channel: Channel, within_s: float) -> bool:
         """Whether all may be written in time, at its rate of late; of who just fell behind, yes."""
         now_s, unwritten_bytes = time.monotonic(), channel.unwritten_bytes
@@ -220,6 +226,8 @@ class StreamingServer:
         message = _framed(parts)
         with self._lock:
             subscribers = list(self._subscribers.get(stream_id, {}).items())
+            for channel, progress in subscribers:
+                progress.before_sending(channel)
         for channel, progress in subscribers:
             if not channel.unwritten_bytes:
                 progress.catch_up()

@@ -69,6 +69,7 @@ class Actor:
         attachment: how it follows its parent.
         arm: the spring arm that carries it.
         stream_id: stream of its data, 0 for what is no sensor.
+        client: number of the connection that spawned it, 0 for nobody's.
         ignored: of a sensor, the ids of actors that it looks through.
         gbuffers: of a camera, the streams of the renderer's buffers that clients asked for, by
             CARLA's number.
@@ -90,6 +91,7 @@ class Actor:
     attachment: Attachment = RIGID
     arm: SpringArm | None = None
     stream_id: int = 0
+    client: int = 0
     ignored: frozenset[int] = frozenset()
     gbuffers: dict[int, int] = field(default_factory=dict)
     simulate_physics: bool = True

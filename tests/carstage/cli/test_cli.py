@@ -474,3 +474,16 @@ def test_bad_datasets_are_bad_input(tmp_path: Path) -> None:
             assert "Error: " in ended.stderr
         ended = invoke("export", "kitti-object", dataset, tmp_path / "out")
         assert ended.exit_code == 2, (dataset, ended.output)
+
+
+def test_the_command_seldom_looks_for_garbage_while_it_loads() -> None:
+    code = (
+        "import gc, sys; from carstage.cli import main; sys.argv[1:] = ['--help']\n"
+        "try: main()\n"
+        "except SystemExit: print('collections', gc.get_stats()[0]['collections'])"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60.0
+    )
+    collections = int(ended.stdout.split()[-1])
+    assert collections < 50

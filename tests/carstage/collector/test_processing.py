@@ -127,6 +127,21 @@ class CountedInbox(SimpleQueue[Any]):
         return super().get(block, timeout)
 
 
+class CountedPuts:
+    """An inbox that counts what is put into it this way."""
+
+    def __init__(self, inbox: SimpleQueue[Any]) -> None:
+        self._inbox = inbox
+        self.times = 0
+
+    def put(self, item: Any) -> None:
+        self.times += 1
+        self._inbox.put(item)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._inbox, name)
+
+
 def while_recording(running: Recording) -> None:
     """What the main thread does between ticks, until something is wrong."""
     while not running.pipeline.wait_booked(running.steps, 0.05):
@@ -358,6 +373,31 @@ def test_waiting_for_room_ends_when_somebody_asks_to_end(tmp_path: Path) -> None
             running.pipeline.wait_for_room(running.stop)
 
 
+def test_who_ticks_wakes_nobody_and_what_is_announced_is_seen_with_the_next_data(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with recording(tmp_path, steps=3) as running:
+        pipeline, told = running.pipeline, SimpleQueue[tuple[int, str]]()
+        put = CountedPuts(pipeline._inbox)
+        monkeypatch.setattr(pipeline, "_inbox", put)
+        monkeypatch.setattr(
+            pipeline,
+            "_on_expected",
+            lambda made: told.put((made.tick, threading.current_thread().name)),
+        )
+        running.tick(0)
+        assert put.times == 0
+        running.camera(picture(FIRST_FRAME))  # this way to the inbox is not counted
+        assert told.get(timeout=20.0) == (0, "matcher")
+        # Where no data come, the matcher lags behind by a tick, until somebody waits for it.
+        running.tick(1)
+        running.tick(2)
+        assert put.times == 1
+        assert told.get(timeout=20.0) == (1, "matcher")
+        assert not pipeline.wait_booked(3, 0.01)
+        assert told.get(timeout=20.0) == (2, "matcher")
+
+
 def test_a_disk_that_refuses_ends_the_recording(tmp_path: Path) -> None:
     with recording(tmp_path, steps=4) as running:
         (tmp_path / "CAM" / "000000.seg.open").touch()  # where the first segment should go
@@ -519,3 +559,15 @@ def test_data_live_until_they_are_with_the_kernel(
         pass
     assert written[0]
     assert gone == [True] * 3
+
+
+def test_functions_of_a_moment_are_called_by_who_writes() -> None:
+    called: list[str] = []
+
+    def lights() -> dict[str, int]:
+        called.append("lights")
+        return {"7": 3}
+
+    moment = WorldMoment([], {"delta_s": 0.1, "vehicle_lights": lights}, [])
+    assert called == []
+    assert moment.encode() == ({"delta_s": 0.1, "vehicle_lights": {"7": 3}}, b"")

@@ -46,7 +46,9 @@ class Pretended:
         self.told.append(tick)
 
 
-def warmed(*, own_timelines: bool, listening_ticks: int | None = None) -> Pretended:
+def warmed(
+    *, own_timelines: bool, listening_ticks: int | None = None, patience_s: float = WAIT_S
+) -> Pretended:
     """Five ticks of a warm-up."""
     spec: Any = SimpleNamespace(
         warmup_ticks=5,
@@ -56,7 +58,7 @@ def warmed(*, own_timelines: bool, listening_ticks: int | None = None) -> Preten
     everything: Any = Pretended()
     episode = EpisodePlan("id", "a1", "raw", spec)
     warm_up(
-        *(everything, everything, episode, listening_ticks, everything, everything),
+        *(everything, everything, episode, listening_ticks, everything, everything, patience_s),
         clock_s=lambda: everything.now_s,
     )
     pretended: Pretended = everything
@@ -68,6 +70,12 @@ def test_each_tick_of_sensors_in_step_is_waited_for(
     listening_ticks: int | None, waits: int
 ) -> None:
     assert warmed(own_timelines=False, listening_ticks=listening_ticks).now_s == waits * WAIT_S
+
+
+def test_last_tick_is_waited_for_as_long_as_a_recorded_frame() -> None:
+    """Else what the warm-up leaves to be drawn on a busy machine makes recorded frames late."""
+    assert warmed(own_timelines=False, patience_s=61.0).now_s == 4 * WAIT_S + 61.0
+    assert warmed(own_timelines=False, patience_s=1.0).now_s == 5 * WAIT_S
 
 
 def test_sensor_with_a_timeline_of_its_own_is_not_waited_for_in_each_tick() -> None:

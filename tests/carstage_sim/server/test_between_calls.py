@@ -135,7 +135,8 @@ def test_a_pace_keeps_ticks_apart_and_calls_are_served_meanwhile(
 
         monkeypatch.setattr(server, "_serve_one", serve_one)
         monkeypatch.setattr(server, "_tick", tick)
-        asks_again = cast(Any, SimpleNamespace(connection=object()))  # at once
+        connection = SimpleNamespace(number=1)
+        asks_again = cast(Any, SimpleNamespace(connection=connection))  # at once
         server._tick_requests.append(TickRequest(asks_again, time.monotonic()))
         while len(ticks) < 3:
             server._run_when_told()

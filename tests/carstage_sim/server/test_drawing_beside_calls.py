@@ -6,7 +6,7 @@ import socket
 import struct
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from typing import Any
 
@@ -36,12 +36,14 @@ SYNCHRONOUS = EpisodeSettings(synchronous_mode=True, fixed_delta_seconds=0.05)
 
 
 class Gate:
-    """Lets cameras draw only while it is open; counts those that came to it."""
+    """Lets cameras draw only while it is open, or slowly; counts those that came and went."""
 
     def __init__(self) -> None:
         self.open = threading.Event()
         self.open.set()
-        self.came = 0
+        self.came = self.done = 0
+        self.takes_s = 0.0
+        self.give_way: Callable[[], None] = lambda: None
         self.threads: set[str] = set()
         self._one = threading.Event()
 
@@ -54,6 +56,10 @@ class Gate:
         self.threads.add(threading.current_thread().name)
         await_that(lambda: self.open.is_set() or self._one.is_set(), within_s=60.0)
         self._one.clear()
+        for _ in range(round(self.takes_s / 0.01)):
+            time.sleep(0.01)
+            self.give_way()
+        self.done += 1
 
 
 @pytest.fixture
@@ -131,6 +137,7 @@ class Rig:
         self.client, self.other = (
             resources.enter_context(RawClient("127.0.0.1", server.rpc_port)) for _ in range(2)
         )
+        self._world = world
         self._port = server.streaming_port
         self._resources = resources
 
@@ -139,6 +146,13 @@ class Rig:
         self.client.value("get_sensor_token", sensor.stream_id)
         stream = subscribe("127.0.0.1", self._port, sensor.stream_id)
         return self._resources.enter_context(stream)
+
+    def spawned_by_other(self, type_id: str, attributes: Mapping[str, str]) -> Actor:
+        """A sensor of the other client."""
+        values = [[name, 1, value] for name, value in attributes.items()]
+        place = [[0.0, 0.0, 3.0], [0.0, 0.0, 0.0]]
+        row = self.other.value("spawn_actor", [0, type_id, values], place)
+        return self._world.live(row[0])
 
     def asking(self, name: str, *arguments: Any) -> Callable[[], Any]:
         """Call in the other client's thread; gives what is there of the answer."""
@@ -320,6 +334,43 @@ def test_a_tick_that_is_asked_for_waits_for_one_unread_picture_alone(
     assert frames_of(depths, 3) == frames
     light_gate.open.set()
     assert frames_of(pictures, 3) == frames
+
+
+def test_who_ticks_waits_for_late_pictures_of_his_own_sensors_and_nobody_else_does(
+    rig: Rig, light_gate: Gate
+) -> None:
+    pictures = rig.subscribed(rig.spawned_by_other("sensor.camera.rgb", SIZE))
+    light_gate.open.clear()
+    frames = rig.ticks(1)
+    await_that(lambda: light_gate.came == 1)
+    frames += rig.ticks(1)
+    own = rig.asking("tick_cue")
+    assert holds_for(1.5, lambda: own() is None)
+    light_gate.let_one_through()
+    await_that(lambda: own() is not None)
+    frames.append(own())
+    # Who is owed nothing gets a tick, for all who ask.
+    own = rig.asking("tick_cue")
+    assert holds_for(1.5, lambda: own() is None)
+    frames += rig.ticks(1)
+    await_that(lambda: own() == frames[-1])
+    light_gate.open.set()
+    assert frames_of(pictures, 4) == frames
+
+
+def test_pictures_of_who_ticks_do_not_pile_up_on_a_machine_that_is_too_slow(
+    rig: Rig, light_gate: Gate, simulation: Simulation
+) -> None:
+    """A client that takes its pictures late had one more late with each tick, up to 64."""
+    pictures = rig.subscribed(rig.spawned_by_other("sensor.camera.rgb", SIZE))
+    light_gate.takes_s = 0.25  # longer than the moment that a tick leaves for what is late
+    light_gate.give_way = simulation._drawing.give_way
+    behind = []
+    for _ in range(12):
+        frame = rig.other.value("tick_cue")
+        behind.append(frame - light_gate.done)
+    assert max(behind) - behind[0] <= 2
+    assert frames_of(pictures, 12) == list(range(frame - 11, frame + 1))
 
 
 def test_no_picture_is_drawn_for_who_takes_nothing_until_he_reads_again(

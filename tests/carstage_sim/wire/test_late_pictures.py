@@ -129,3 +129,40 @@ def test_pictures_that_nobody_takes_are_not_worth_making(
     assert turn.worth_making
     subscribers.taking[STREAM] = Taking.NOTHING
     assert not turn.worth_making
+
+
+CLIENT, OTHER_CLIENT = 3, 4
+
+
+def test_tick_waits_until_fewer_pictures_of_who_asks_are_late_than_before_the_last_one(
+    late: LatePictures, clock: Clock
+) -> None:
+    turns: list[LatePicture] = []
+    for _ in range(4):
+        turns += [one for one in [late.turn(STREAM, CLIENT)] if one is not None]
+        late.begin_frame()
+    clock.now_s += 10.0
+    assert not late.hold_up_the_world
+    for left in (2, 1, 1):
+        late.asked_by({CLIENT})
+        while len(turns) > left:
+            assert late.hold_up_the_world
+            assert turns[0].urgency() == 3
+            turns.pop(0).end()
+        assert not late.hold_up_the_world
+        assert turns[0].urgency() == 0
+        turns += [one for one in [late.turn(STREAM, CLIENT)] if one is not None]
+        late.begin_frame()
+        clock.now_s += 10.0
+
+
+def test_late_pictures_of_one_client_hold_up_no_tick_that_another_asks_for_too(
+    late: LatePictures, clock: Clock
+) -> None:
+    for _ in range(2):
+        late.turn(STREAM, CLIENT)
+        late.begin_frame()
+    clock.now_s += 10.0
+    for asking, holds in [({CLIENT}, True), ({CLIENT, OTHER_CLIENT}, False), (set[int](), False)]:
+        late.asked_by(asking)
+        assert late.hold_up_the_world == holds

@@ -377,3 +377,21 @@ def test_it_is_known_whether_a_subscriber_reads_what_it_was_sent(
     reader.close()
     await_listeners(server, 1)
     await_that(lambda: server.taking(STREAM) is Taking.ALL)
+
+
+def test_who_took_everything_long_ago_is_not_given_up_for_a_message_just_sent(
+    server: StreamingServer,
+    subscribers: Callable[[], socket.socket],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    subscribers()
+    server.publish(STREAM, [b"little"], wait=False)
+    taken_bytes = 10
+    monkeypatch.setattr(Channel, "taken_bytes", property(lambda _: taken_bytes))
+    assert server.taking(STREAM) is Taking.ALL
+    now_s = time.monotonic() + 10.0
+    monkeypatch.setattr(streaming.time, "monotonic", lambda: now_s)
+    server.publish(STREAM, [b"more"], wait=False)
+    assert server.taking(STREAM) is Taking.UNKNOWN
+    now_s += 10.0
+    assert server.taking(STREAM) is Taking.NOTHING

@@ -147,6 +147,7 @@ class EpisodeRecorder:
         segment_ticks = ticks_per_segment(spec.fps, bytes_per_tick.values())
         budget = ByteBudget(self._plan.queue_bytes, sum(of_sensors.values()))
         failures: List[BaseException] = []
+        patience = patience_s(spec.timing, self._plan.server.timeout_s)
         writers = stack.enter_context(
             LogWriters(
                 folder,
@@ -166,7 +167,7 @@ class EpisodeRecorder:
                 writers,
                 FrameMatcher(
                     list(spec.streams),
-                    patience_s(spec.timing, self._plan.server.timeout_s),
+                    patience,
                     not spec.timing.demands_all,
                     not spec.timing.sensor_sync,
                     sparse=_sparse(spec),
@@ -176,13 +177,14 @@ class EpisodeRecorder:
                 segment_ticks,
                 strict=spec.timing.demands_all,
                 failures=failures,
+                on_expected=lambda expected: self._tell_tick(episode, expected, pipeline),
             )
         )
         stack.callback(scene.stop_listening)
         # Before the server's clock counts: texts of large towns have many megabytes.
         map_crc32 = write_map_file(folder, session.map.to_opendrive())
         listening_ticks = self._plan.sensor_warmup_ticks
-        warm_up(scene, pipeline, episode, listening_ticks, self._events, self._stop)
+        warm_up(scene, pipeline, episode, listening_ticks, self._events, self._stop, patience)
         observer = _observer(session, scene, spec)
         saved = SavedFrames(spec.saved)
         for tick, step in self._ticks(scene, pipeline, spec.steps):
@@ -196,15 +198,6 @@ class EpisodeRecorder:
                 moment = _moment(observer, step, session, scene)
             pipeline.expect(
                 ExpectedFrame(tick, step.frame, step.timestamp_s, k, step.tick_s, moment, seen)
-            )
-            self._events.tick(
-                episode.episode_id,
-                tick == spec.steps - 1,
-                tick=tick,
-                k=k,
-                frame=step.frame,
-                queued_bytes=pipeline.queued_bytes,
-                waited_s=pipeline.waited_s,
             )
         self._finish(pipeline, writers, spec)
         return Recorded(spec.steps, pipeline.incomplete_ticks)
@@ -252,6 +245,18 @@ class EpisodeRecorder:
             self._stop.check()
         while not writers.wait_sealed(spec.steps - 1, POLL_S):
             pipeline.check()
+
+    def _tell_tick(self, episode: EpisodePlan, made: ExpectedFrame, pipeline: Pipeline) -> None:
+        """Print a tick; not from the thread that ticks, as whoever reads is woken by that."""
+        self._events.tick(
+            episode.episode_id,
+            made.tick == episode.spec.steps - 1,
+            tick=made.tick,
+            k=made.k,
+            frame=made.frame,
+            queued_bytes=pipeline.queued_bytes,
+            waited_s=pipeline.waited_s,
+        )
 
     def _announce(self, episode: EpisodePlan, sealed: SealedSegment) -> None:
         self._events.emit("segment_sealed", episode_id=episode.episode_id, **sealed._asdict())

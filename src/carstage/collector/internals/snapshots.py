@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import lru_cache, partial
+from operator import attrgetter
 from types import MappingProxyType
 from typing import (
     AbstractSet,
     Any,
+    Callable,
     Dict,
     FrozenSet,
     Iterable,
@@ -40,6 +42,7 @@ WEATHER_PARAMETERS = (
 _FIXED = "traffic."
 """Signs and lights: nothing moves them but a program that puts them elsewhere."""
 _WITH_BOX = ("vehicle.", "walker.", "traffic.", "static.")
+_actor_id = attrgetter("id")
 
 
 class WorldMoment:
@@ -49,7 +52,8 @@ class WorldMoment:
 
     Args:
         snapshot: ``carla.WorldSnapshot``.
-        meta: the record's meta; see docs/formats/raw-log.md.
+        meta: the record's meta; see docs/formats/raw-log.md. A function stands for what it returns:
+            it is called by who writes, not by who ticks.
         new_actors: table rows of actors that no earlier tick showed.
         level_objects: table rows of the level; of the first tick only.
         packer: of this tick's world and the others'.
@@ -83,7 +87,8 @@ class WorldMoment:
 
     def encode(self) -> Tuple[Mapping[str, Any], bytes]:
         """Meta and payload of the world record."""
-        return self.meta, self._packer.pack(self.snapshot, self._fixed)
+        meta = {name: value() if callable(value) else value for name, value in self.meta.items()}
+        return meta, self._packer.pack(self.snapshot, self._fixed)
 
 
 class ActorPacker:
@@ -166,7 +171,7 @@ class WorldObserver:
         self._known: Set[int] = set()
         self._fixed: FrozenSet[int] = frozenset()
         self._packer = ActorPacker()
-        self._traffic_lights: List[Tuple[str, Any]] = []
+        self._traffic_lights: Tuple[Tuple[str, ...], Tuple[Callable[[], Any], ...]] = (), ()
 
     def observe(
         self,
@@ -196,14 +201,19 @@ class WorldObserver:
             states["agents"] = {
                 name: {**self._vehicle_of(name), **noted} for name, noted in agents.items()
             }
-        return self._moment(snapshot, weather, new_actors, states, self.vehicle_lights())
+        lights = partial(_light_numbers, self._world.get_vehicles_light_states())
+        return self._moment(snapshot, weather, new_actors, states, lights)
 
     def watch_lights(self, lights: Iterable[Any]) -> None:
         """Have the states of traffic lights noted from now on."""
-        known = {name for name, _ in self._traffic_lights}
-        found = [(str(light.id), light) for light in sorted(lights, key=lambda one: int(one.id))]
-        # A new list: another thread may be reading the states of the old one.
-        self._traffic_lights = self._traffic_lights + [one for one in found if one[0] not in known]
+        names, states = self._traffic_lights
+        new = [light for light in lights if str(light.id) not in names]
+        new.sort(key=lambda one: int(one.id))
+        # A new pair: another thread may be reading the states of the old one.
+        self._traffic_lights = (
+            names + tuple(str(light.id) for light in new),
+            states + tuple(light.get_state for light in new),
+        )
 
     def show_level(self, level_objects: Sequence[Mapping[str, Any]]) -> None:
         """Have what the level holds noted with the next tick."""
@@ -212,25 +222,21 @@ class WorldObserver:
     def states(self) -> Dict[str, Any]:
         """What the client knows of the ego and the traffic lights in its newest frame.
 
-        Nothing is asked of the server.
+        Nothing is asked of the server. Names are looked up by who writes.
         """
+        names, states = self._traffic_lights
         return {
             "ego": _vehicle_state(self._ego),
-            "traffic_lights": {
-                name: _state_name(light.get_state()) for name, light in self._traffic_lights
-            },
+            "traffic_lights": partial(_state_names, names, [state() for state in states]),
         }
 
     def _vehicle_of(self, name: str) -> Dict[str, Any]:
         """What the client knows of an agent's vehicle, as of the ego; nothing where it has none."""
-        return {"ego": _vehicle_state(self._agents[name])} if name in self._agents else {}
+        return {"ego": _vehicle_state(self._agents[name])()} if name in self._agents else {}
 
     def vehicle_lights(self) -> Dict[str, int]:
         """Ask the server which lights of which vehicles are on, by actor id."""
-        return {
-            str(actor_id): int(state)
-            for actor_id, state in self._world.get_vehicles_light_states().items()
-        }
+        return _light_numbers(self._world.get_vehicles_light_states())
 
     def observe_past(
         self,
@@ -255,7 +261,7 @@ class WorldObserver:
         weather: Mapping[str, float],
         new_actors: Sequence[Mapping[str, Any]],
         states: Mapping[str, Any],
-        vehicle_lights: Mapping[str, int],
+        vehicle_lights: Any,
     ) -> WorldMoment:
         meta = {
             "delta_s": snapshot.timestamp.delta_seconds,
@@ -271,9 +277,10 @@ class WorldObserver:
         return WorldMoment(snapshot, meta, new_actors, level_objects, self._packer, self._fixed)
 
     def _new_actors(self, snapshot: Any) -> List[Dict[str, Any]]:
-        new = sorted({actor.id for actor in snapshot} - self._known)
-        if not new:
+        # In each tick: without an object of Python's for what is known.
+        if self._known.issuperset(map(_actor_id, snapshot)):
             return []
+        new = sorted(set(map(_actor_id, snapshot)) - self._known)
         self._known.update(new)
         actors = sorted(self._world.get_actors(new), key=lambda actor: int(actor.id))
         self.watch_lights(actor for actor in actors if actor.type_id == "traffic.traffic_light")
@@ -281,20 +288,44 @@ class WorldObserver:
         return [actor_row(actor) for actor in actors]
 
 
-def _vehicle_state(vehicle: Any) -> Dict[str, Any]:
-    """What the client knows of a ``carla.Vehicle`` in its newest frame, beside its place."""
-    control = vehicle.get_control()
+def _vehicle_state(vehicle: Any) -> Callable[[], Dict[str, Any]]:
+    """What the client knows of a ``carla.Vehicle`` in its newest frame, beside its place.
+
+    It is asked now; the function puts it into words later.
+    """
+    return partial(
+        _vehicle_row,
+        vehicle.id,
+        vehicle.get_control(),
+        vehicle.get_speed_limit(),
+        vehicle.get_traffic_light_state(),
+    )
+
+
+def _vehicle_row(
+    actor_id: int, control: Any, speed_limit_kmh: float, light_state: Any
+) -> Dict[str, Any]:
     return {
-        "id": vehicle.id,
+        "id": actor_id,
         "throttle": control.throttle,
         "steer": control.steer,
         "brake": control.brake,
         "hand_brake": control.hand_brake,
         "reverse": control.reverse,
         "gear": control.gear,
-        "speed_limit_kmh": vehicle.get_speed_limit(),
-        "traffic_light_state": _state_name(vehicle.get_traffic_light_state()),
+        "speed_limit_kmh": speed_limit_kmh,
+        "traffic_light_state": _state_name(light_state),
     }
+
+
+def _state_names(lights: Sequence[str], states: Sequence[Any]) -> Dict[str, str]:
+    """The states of traffic lights, by id."""
+    return dict(zip(lights, map(_state_name, states)))
+
+
+def _light_numbers(states: Mapping[Any, Any]) -> Dict[str, int]:
+    """Which lights are on, by the vehicle's id, of ``World.get_vehicles_light_states``."""
+    return {str(actor_id): int(state) for actor_id, state in states.items()}
 
 
 @lru_cache(maxsize=None)

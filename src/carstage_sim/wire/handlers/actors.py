@@ -11,7 +11,7 @@ from carstage_sim.wire.rpc import Packed
 from carstage_sim.world.actors import Actor
 from carstage_sim.world.blueprints import catalogue
 from carstage_sim.world.errors import ActorNotFoundError
-from carstage_sim.world.spring_arm import Attachment, AttachmentType
+from carstage_sim.world.spring_arm import RIGID, Attachment, AttachmentType
 
 
 def encode_actor(call: Call, actor: Actor) -> list[Any]:
@@ -56,10 +56,29 @@ def _get_actors_by_id(call: Call, actor_ids: list[int]) -> list[Any]:
     return [encode_actor(call, actor) for actor in actors if actor is not None]
 
 
+def spawn(
+    call: Call,
+    description: list[Any],
+    transform: list[Any],
+    parent_id: int = 0,
+    attachment: Attachment = RIGID,
+) -> Actor:
+    """Bring what a client describes into the world, as that client's.
+
+    Raises:
+        CallError: see :func:`described`.
+        SpawnError: see ``World.spawn``.
+    """
+    type_id, attributes = described(call, description)
+    pose = values.pose(transform)
+    actor = call.world.spawn(type_id, attributes, pose, parent_id=parent_id, attachment=attachment)
+    actor.client = call.connection.number
+    return actor
+
+
 @handles("spawn_actor")
 def _spawn_actor(call: Call, description: list[Any], transform: list[Any]) -> list[Any]:
-    type_id, attributes = described(call, description)
-    return encode_actor(call, call.world.spawn(type_id, attributes, values.pose(transform)))
+    return encode_actor(call, spawn(call, description, transform))
 
 
 @handles("spawn_actor_with_parent")
@@ -73,15 +92,8 @@ def _spawn_actor_with_parent(
 ) -> list[Any]:
     if attachment not in set(AttachmentType):
         raise CallError(f"there is no attachment type {attachment}")
-    type_id, attributes = described(call, description)
-    actor = call.world.spawn(
-        type_id,
-        attributes,
-        values.pose(transform),
-        parent_id=parent_id,
-        attachment=Attachment(AttachmentType(attachment), str(socket)),
-    )
-    return encode_actor(call, actor)
+    how = Attachment(AttachmentType(attachment), str(socket))
+    return encode_actor(call, spawn(call, description, transform, parent_id, how))
 
 
 def destroy(call: Call, actor_id: int) -> None:

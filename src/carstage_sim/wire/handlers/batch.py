@@ -10,7 +10,7 @@ from typing import Any
 from carstage_sim.wire import values
 from carstage_sim.wire.argument_types import argument_check
 from carstage_sim.wire.errors import CallError
-from carstage_sim.wire.handlers.actors import described, destroy
+from carstage_sim.wire.handlers.actors import destroy, spawn
 from carstage_sim.wire.handlers.registry import (
     Call,
     TickRequest,
@@ -78,14 +78,8 @@ def _execute(call: Call, name: str, body: list[Any]) -> int:
 def _spawn(call: Call, body: list[Any]) -> int:
     # Versions differ in what stands between the parent and the list of commands that follow.
     description, transform, parent, *attachment, do_after = body
-    type_id, attributes = described(call, description)
-    actor = call.world.spawn(
-        type_id,
-        attributes,
-        values.pose(transform),
-        parent_id=values.optional(parent) or 0,
-        attachment=_attachment(*attachment),
-    )
+    parent_id = values.optional(parent) or 0
+    actor = spawn(call, description, transform, parent_id, _attachment(*attachment))
     for command in do_after:
         ((index, following),) = command
         if following[0] == _FUTURE_ACTOR:

@@ -17,9 +17,10 @@ from carstage_sim.render.materials import material_table
 from carstage_sim.render.motion import earlier_places, no_motion
 from carstage_sim.render.normals import smooth_normals
 from carstage_sim.render.overlay import draw_shapes
+from carstage_sim.render.packet_shading import new_shade_scratch
 from carstage_sim.render.quality import SAMPLING, Quality
 from carstage_sim.render.scene import Frame, SceneStore
-from carstage_sim.render.shading import RayHits, ShadedFrame, new_shade_scratch
+from carstage_sim.render.shading import RayHits, ShadedFrame
 from carstage_sim.render.shared_kernels import share_shade_packets
 from carstage_sim.render.sharing import OfEachThread
 from carstage_sim.render.sky import Lighting, SkyModel

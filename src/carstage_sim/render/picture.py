@@ -93,7 +93,7 @@ class PictureMaker:
         )  # fmt: skip
         smooth_normals(self._caster, frame, hits)
         nowhere = (np.zeros(2), np.zeros(2))
-        earlier_places(no_motion(0), hits, nowhere, (1.0, 1.0))
+        earlier_places(no_motion(0), hits, nowhere, (1.0, 1.0), 0, 2)
         film, pixels = Film(), np.zeros((1, 2, 4), np.uint8)
         marks = rough_pixels(
             self._caster, frame, self._materials.detail, hits, pixels, SAMPLING[Quality.LOW]

@@ -44,7 +44,7 @@ def exp_of(x):  # type: ignore[no-untyped-def]
     return down if x < 0 else _ONE / down
 
 
-@device
+@inlined
 def power_of_slant(x):  # type: ignore[no-untyped-def]
     """``x ** 0.7`` for ``0.06 <= x <= 1``, to 2e-4."""
     s = math.sqrt(math.sqrt(x))

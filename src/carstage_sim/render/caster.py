@@ -19,7 +19,7 @@ from carstage_sim.render.sharing import OfEachThread, Team, parts_of
 
 _BAND = 8192
 """Pixels of a band: small enough to balance, large enough to hide the call."""
-_RAYS, _PACKETS = 256, 4
+_RAYS, _PACKETS = 256, 16
 """Rays, and groups of them, that a kernel takes at a time."""
 _SQUARE = 8
 _PIECES = 16

@@ -49,9 +49,11 @@ def no_motion(instances: int) -> Motions:
 
 
 @kernel
-def _earlier(moved, row, triangle, weights, depth, x, y, half_width, half_height, out):  # type: ignore[no-untyped-def]
+def _earlier(  # type: ignore[no-untyped-def]
+    moved, row, triangle, weights, depth, x, y, half_width, half_height, first, last, out
+):
     turn, shift = moved.turn, moved.shift
-    for i in range(row.shape[0]):
+    for i in range(first, last):
         k = moved.part[row[i]] if row[i] >= 0 else 0
         near = 0.0 if row[i] == NOTHING else 1.0 / depth[i]
         a, b = x[i] * half_width, y[i] * -half_height
@@ -67,8 +69,8 @@ def _earlier(moved, row, triangle, weights, depth, x, y, half_width, half_height
             right += (corners[0, 1] * u + corners[1, 1] * v + corners[2, 1] * w) * near
             up += (corners[0, 2] * u + corners[1, 2] * v + corners[2, 2] * w) * near
         scale = 1.0 / max(ahead, _BEHIND)
-        out[0, i] = right * scale / half_width
-        out[1, i] = up * scale / -half_height
+        out[0, i - first] = right * scale / half_width
+        out[1, i - first] = up * scale / -half_height
 
 
 def earlier_places(
@@ -76,8 +78,10 @@ def earlier_places(
     hits: Hits,
     places: tuple[NDArray[np.float64], NDArray[np.float64]],
     half_size: tuple[float, float],
+    first: int,
+    last: int,
 ) -> NDArray[np.float64]:
-    """``(2, N)`` places at which a pinhole camera saw each pixel's surface point before.
+    """``(2, last - first)`` where a pinhole camera saw some pixels' surface points before.
 
     Places are x to the right and y down from the picture's middle, in half widths and heights.
 
@@ -86,7 +90,11 @@ def earlier_places(
         hits: of the camera's pixels; their parameter is the depth.
         places: ``(N,)`` x and y of the pixels' rays.
         half_size: half width and half height of the picture one metre ahead.
+        first, last: half-open range of pixels.
     """
-    out = np.empty((2, len(hits.row)))
-    _earlier(motions, hits.row, hits.triangle, hits.weights, hits.t, *places, *half_size, out)
+    out = np.empty((2, last - first))
+    _earlier(
+        motions, hits.row, hits.triangle, hits.weights, hits.t, *places, *half_size, first, last,
+        out,
+    )  # fmt: skip
     return out

@@ -17,9 +17,10 @@ from carstage_sim.render.materials import material_table
 from carstage_sim.render.motion import earlier_places, no_motion
 from carstage_sim.render.normals import smooth_normals
 from carstage_sim.render.overlay import draw_shapes
+from carstage_sim.render.packet_shading import new_shade_scratch
 from carstage_sim.render.quality import SAMPLING, Quality
 from carstage_sim.render.scene import Frame, SceneStore
-from carstage_sim.render.shading import RayHits, ShadedFrame, new_shade_scratch
+from carstage_sim.render.shading import RayHits, ShadedFrame
 from carstage_sim.render.shared_kernels import share_shade_packets
 from carstage_sim.render.sharing import OfEachThread
 from carstage_sim.render.sky import Lighting, SkyModel
@@ -92,7 +93,7 @@ class PictureMaker:
         )  # fmt: skip
         smooth_normals(self._caster, frame, hits)
         nowhere = (np.zeros(2), np.zeros(2))
-        earlier_places(no_motion(0), hits, nowhere, (1.0, 1.0))
+        earlier_places(no_motion(0), hits, nowhere, (1.0, 1.0), 0, 2)
         film, pixels = Film(), np.zeros((1, 2, 4), np.uint8)
         marks = rough_pixels(
             self._caster, frame, self._materials.detail, hits, pixels, SAMPLING[Quality.LOW]

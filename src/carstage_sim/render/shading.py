@@ -23,16 +23,9 @@ from carstage_sim.render.cast import NOTHING, Scene, trace
 from carstage_sim.render.detail import GLAZING, hash_unit, noise
 from carstage_sim.render.incoming_light import (
     OVER_PI,
-    OVERHANG_M,
-    RAY_NEAR_M,
-    SHADOW_M,
     openness,
-    overhang_share,
-    overhang_way,
-    radiance_at,
     sees_sun,
     sky_irradiance,
-    sky_place,
     sky_radiance,
     sun_is_up,
     sun_may_reach,
@@ -42,10 +35,7 @@ from carstage_sim.render.incoming_light import (
 from carstage_sim.render.lamps import Lamps, glow, lamp_light
 from carstage_sim.render.materials import Glow, MaterialTable, Paint
 from carstage_sim.render.object_appearance import ObjectAppearance
-from carstage_sim.render.packet_simd import PACKET
-from carstage_sim.render.packets import TOGETHER, PacketScratch, new_packet_scratch
 from carstage_sim.render.scene import Surfaces
-from carstage_sim.render.shafts import trace_along
 from carstage_sim.render.sky import Lighting
 from carstage_sim.render.stars import starlight
 from carstage_sim.render.surface import facing_normals, is_leaf, surface_material, water
@@ -61,7 +51,7 @@ _SUN_DISC_COS: Any = np.float32(0.99996)
 """Cosine of the sun disc's angular radius, half a degree: twice the real one."""
 _SUN_DISC_GAIN: Any = np.float32(40)
 """Radiance of the disc for each unit of the sun's irradiance."""
-_SKY_M: Any = np.float32(2500.0)
+SKY_M: Any = np.float32(2500.0)
 """Length of air between the camera and the sky, for fog and rain."""
 _LEAST_FACING: Any = np.float32(0.06)
 """Least cosine at which a pixel's footprint on a surface is measured."""
@@ -120,12 +110,6 @@ _CLIENT_GLOW: Any = np.float32(3)
 _GLINT: Any = np.float32(0.02)
 _SHARPEST_GLINT: Any = np.float32(2000.0)
 """Strength of the sun's reflection, and its greatest exponent."""
-
-
-_PACKETS = TOGETHER // PACKET
-"""Packets that are shaded together: rays to the sun from neighbours run side by side."""
-_DISTANCE, _RISE, _SUNWARDS = 3, 4, 5
-"""Rows of ``ShadeScratch.seen`` after the three of the colour."""
 
 
 class ShadedFrame(NamedTuple):
@@ -205,7 +189,7 @@ def _emission(frame, m, hit_actor, owner, emitted):  # type: ignore[no-untyped-d
 
 
 @device
-def _mirrored(frame, scratch, skip, o, d, lamps_on):  # type: ignore[no-untyped-def]
+def mirrored(frame, scratch, skip, o, d, lamps_on):  # type: ignore[no-untyped-def]
     """Radiance that comes from a unit direction: the sky, or the town without cast shadows."""
     light, materials = frame.light, frame.materials
     dx, dy, dz = d
@@ -260,15 +244,15 @@ def _seen_through(frame, scratch, skip, o, d, owner, lamps_on):  # type: ignore[
     hit = trace(frame.scene, scratch, o, d, _MIRROR_NEAR_M, _CABIN_M, skip, False)
     distance, hit_actor, number, u, v = hit[0], hit[1], hit[2], hit[3], hit[4]
     if hit_actor == NOTHING or hit_actor != owner[0]:
-        return _mirrored(frame, scratch, skip, o, d, lamps_on)
+        return mirrored(frame, scratch, skip, o, d, lamps_on)
     surfaces = frame.static if hit_actor < 0 else frame.actors
     if hit_actor < 0 and int(surfaces.object_id[number]) != owner[1]:
-        return _mirrored(frame, scratch, skip, o, d, lamps_on)
+        return mirrored(frame, scratch, skip, o, d, lamps_on)
     m = surfaces.material[number]
     px, py, pz = o[0] + dx * distance, o[1] + dy * distance, o[2] + dz * distance
     if materials.detail[m] == GLAZING:
         beyond = (px + dx * _BEYOND_PANE_M, py + dy * _BEYOND_PANE_M, pz + dz * _BEYOND_PANE_M)
-        r, g, b = _mirrored(frame, scratch, skip, beyond, d, lamps_on)
+        r, g, b = mirrored(frame, scratch, skip, beyond, d, lamps_on)
         return r * _PANE, g * _PANE, b * _PANE
     nx, ny, nz, _, _, _ = facing_normals(
         frame.scene, surfaces, hit_actor, number, u, v, False, dx, dy, dz
@@ -292,17 +276,16 @@ def _seen_through(frame, scratch, skip, o, d, owner, lamps_on):  # type: ignore[
 
 
 @inlined
-def _mirrored_sky(light, rx, ry, rz):  # type: ignore[no-untyped-def]
-    """Radiance that comes from a unit direction where no ray is traced."""
-    r, g, b = sky_radiance(light, rx, ry, rz)
-    if rz < _TOWN_HORIZON:
-        # Near and below the horizon the town reflects, not the sky.
-        a = light.ambient
-        ground = min(max((_TOWN_HORIZON - rz) * np.float32(5), _ZERO), _ONE)
-        r += (a[2, 0] * OVER_PI - r) * ground
-        g += (a[2, 1] * OVER_PI - g) * ground
-        b += (a[2, 2] * OVER_PI - b) * ground
-    return r, g, b
+def over_town(light, rise, colour):  # type: ignore[no-untyped-def]
+    """Radiance of what mirrors show of the sky: near and below the horizon, of the town."""
+    r, g, b = colour
+    a = light.ambient
+    ground = min(max((_TOWN_HORIZON - rise) * np.float32(5), _ZERO), _ONE)
+    return (
+        r + (a[2, 0] * OVER_PI - r) * ground,
+        g + (a[2, 1] * OVER_PI - g) * ground,
+        b + (a[2, 2] * OVER_PI - b) * ground,
+    )
 
 
 @device
@@ -332,13 +315,13 @@ def _water_on(light, pool, rough, p, n, pixel):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _is_covered_ground(row, g, distance):  # type: ignore[no-untyped-def]
+def is_covered_ground(row, g, distance):  # type: ignore[no-untyped-def]
     """Whether what may stand right above a surface takes light of the sky from it."""
     return row < 0 and g[2] > _LEVEL_GROUND and distance < _OVERHANG_WITHIN_M
 
 
 @inlined
-def _feels_sky(leaves, distance):  # type: ignore[no-untyped-def]
+def feels_sky(leaves, distance):  # type: ignore[no-untyped-def]
     """Whether a surface's sky is felt by rays, where the picture is worth them."""
     return not leaves and distance < _OPENNESS_WITHIN_M
 
@@ -346,9 +329,9 @@ def _feels_sky(leaves, distance):  # type: ignore[no-untyped-def]
 @inlined
 def _uncovered(frame, scratch, skip, epic, o, g, distance, kinds):  # type: ignore[no-untyped-def]
     """Share of the sky's light that is left; ``kinds``: instance row, whether it is leaves."""
-    if epic and _feels_sky(kinds[1], distance):
+    if epic and feels_sky(kinds[1], distance):
         return openness(frame.scene, scratch, o, g[0], g[1], g[2], skip)
-    if _is_covered_ground(kinds[0], g, distance):
+    if is_covered_ground(kinds[0], g, distance):
         return under_overhang(frame.scene, scratch, o, skip)
     return _ONE
 
@@ -356,60 +339,61 @@ def _uncovered(frame, scratch, skip, epic, o, g, distance, kinds):  # type: igno
 @inlined
 def _unit(directions, i):  # type: ignore[no-untyped-def]
     """Unit direction of ray ``i``, and its length."""
-    return _unit_of(directions[i, 0], directions[i, 1], directions[i, 2])
+    return unit_of(directions[i, 0], directions[i, 1], directions[i, 2])
 
 
 @inlined
-def _unit_of(dx, dy, dz):  # type: ignore[no-untyped-def]
+def unit_of(dx, dy, dz):  # type: ignore[no-untyped-def]
     """Unit direction of a vector, and its length."""
     length = math.sqrt(dx * dx + dy * dy + dz * dz)
     return dx / length, dy / length, dz / length, length
 
 
 @inlined
-def _lifted(p, g, distance):  # type: ignore[no-untyped-def]
+def lifted(p, g, distance):  # type: ignore[no-untyped-def]
     """Where rays from a surface begin."""
     lift = _LIFT_M + distance * _LIFT_PER_M
     return p[0] + g[0] * lift, p[1] + g[1] * lift, p[2] + g[2] * lift
 
 
 @inlined
-def _place_met(rays, d, distance):  # type: ignore[no-untyped-def]
-    """Where a ray of unit direction ``d`` ends."""
-    o = rays.origin
+def place_met(o, d, distance):  # type: ignore[no-untyped-def]
+    """Where a ray from ``o`` of unit direction ``d`` ends."""
     return o[0] + d[0] * distance, o[1] + d[1] * distance, o[2] + d[2] * distance
 
 
 @inlined
-def _normals_met(frame, rays, i, d):  # type: ignore[no-untyped-def]
-    """Shading normal and triangle's normal where ray ``i`` ends, and whether it met leaves."""
-    row, number = rays.row[i], rays.triangle[i]
-    surfaces = frame.static if row < 0 else frame.actors
-    leaves = is_leaf(frame.materials.detail[surfaces.material[number]])
-    nx, ny, nz, gx, gy, gz = facing_normals(
-        frame.scene, surfaces, row, number, rays.weights[i, 0], rays.weights[i, 1], leaves,
-        d[0], d[1], d[2],
-    )  # fmt: skip
-    return nx, ny, nz, gx, gy, gz, leaves
+def footprint(pixel_angle, d, g, distance):  # type: ignore[no-untyped-def]
+    """A pixel's side on a surface (m) that a ray of unit direction ``d`` meets at a slant."""
+    slant = min(max(abs(d[0] * g[0] + d[1] * g[1] + d[2] * g[2]), _LEAST_FACING), _ONE)
+    return distance * pixel_angle / power_of_slant(slant)
 
 
 @inlined
-def _hit_radiance(frame, rays, scratch, epic, lamps_on, i, d, distance, normals, free, sunlit):  # type: ignore[no-untyped-def]
-    """Radiance of what ray ``i`` of unit direction ``d`` met, without the air between.
+def unmirrored(frame, rays, scratch, epic, lamps_on, i, d, distance, p, pixel, normals, light_met):  # type: ignore[no-untyped-def]
+    """Radiance of what ray ``i`` of unit direction ``d`` met, and what it mirrors.
 
-    ``normals``: see :func:`_normals_met`. ``free``: share of the sky's light. ``sunlit``: whether
-    the sun reaches the place, if it is turned to it.
+    Args:
+        frame, rays, scratch, epic, lamps_on, i, d, distance: of the ray.
+        p, pixel: the place and a pixel's side there.
+        normals: the shading normal, the triangle's normal, whether it is leaves.
+        light_met: share of the sky's light, and whether the sun reaches the place, if it is turned
+            to it.
+
+    Returns:
+        Radiance without what is mirrored (3), radiance that the surface emits (3), reflectance,
+        negative where nothing is mirrored, roughness, direction that is mirrored (3), whether the
+        sun shines there, and whether the town is mirrored, not only the sky.
     """
     light = frame.light
+    free, sunlit = light_met
     lx, ly, lz = light.sun_direction[0], light.sun_direction[1], light.sun_direction[2]
     dx, dy, dz = d
-    px, py, pz = _place_met(rays, d, distance)
+    px, py, pz = p
     hit_actor, number, u, v = rays.row[i], rays.triangle[i], rays.weights[i, 0], rays.weights[i, 1]
     surfaces = frame.static if hit_actor < 0 else frame.actors
     m = surfaces.material[number]
     nx, ny, nz, gx, gy, gz, leaves = normals
-    slant = power_of_slant(min(max(abs(dx * gx + dy * gy + dz * gz), _LEAST_FACING), _ONE))
-    pixel = distance * rays.pixel_angle / slant
     kind, cr, cg, cb, rough, f0, emitted = surface_material(
         frame, surfaces, (hit_actor, number, u, v), (px, py, pz), (nx, ny, nz), pixel
     )
@@ -446,11 +430,13 @@ def _hit_radiance(frame, rays, scratch, epic, lamps_on, i, d, distance, normals,
         er, eg, eb = er + lr, eg + lg, eb + lb
     r, g, b = cr * er * OVER_PI, cg * eg * OVER_PI, cb * eb * OVER_PI
     if kind == GLAZING and distance < _THROUGH_WITHIN_M:
-        o = _lifted((px, py, pz), (-gx, -gy, -gz), distance)
+        o = lifted((px, py, pz), (-gx, -gy, -gz), distance)
         owner = (hit_actor, int(surfaces.object_id[number]))
         tr, tg, tb = _seen_through(frame, scratch, rays.skip, o, d, owner, lamps_on)
         near = _PANE * min((_THROUGH_WITHIN_M - distance) * np.float32(0.1), _ONE)
         r, g, b = r + tr * near, g + tg * near, b + tb * near
+    fresnel, rx, ry, rz = -_ONE, _ZERO, _ZERO, _ZERO
+    town = False
     if rough < _MATT_ROUGHNESS:
         smooth = _ONE - rough
         facing = min(abs(dx * nx + dy * ny + dz * nz), _ONE)
@@ -460,30 +446,42 @@ def _hit_radiance(frame, rays, scratch, epic, lamps_on, i, d, distance, normals,
         back = np.float32(2) * (dx * nx + dy * ny + dz * nz)
         rx, ry, rz = dx - back * nx, dy - back * ny, dz - back * nz
         glossy = pool > _MIRRORING_WATER or (epic and rough < _MIRRORING_ROUGHNESS)
-        if glossy and fresnel > _LEAST_FRESNEL and distance < _MIRRORING_M:
-            o = _lifted((px, py, pz), (gx, gy, gz), distance)
-            sr, sg, sb = _mirrored(frame, scratch, rays.skip, o, (rx, ry, rz), lamps_on)
-        else:
-            sr, sg, sb = _mirrored_sky(light, rx, ry, rz)
-        r, g, b = r + (sr - r) * fresnel, g + (sg - g) * fresnel, b + (sb - b) * fresnel
-        if lit:
-            glint = _glint(rx * lx + ry * ly + rz * lz, rough, fresnel)
-            r += light.sun[0] * glint
-            g += light.sun[1] * glint
-            b += light.sun[2] * glint
+        town = glossy and fresnel > _LEAST_FRESNEL and distance < _MIRRORING_M
     lr, lg, lb = _emission(frame, m, hit_actor, int(surfaces.object_id[number]), emitted)
-    return r + lr, g + lg, b + lb
+    return r, g, b, lr, lg, lb, fresnel, rough, rx, ry, rz, lit, town
 
 
 @inlined
-def _towards_sun(light, d):  # type: ignore[no-untyped-def]
-    """Cosine between a unit direction and that of the sun."""
-    s = light.sun_direction
+def with_mirrored(light, colour, shown, gloss, lit):  # type: ignore[no-untyped-def]
+    """Radiance with what a surface mirrors.
+
+    Args:
+        light: sun and sky.
+        colour: radiance without.
+        shown: radiance that is mirrored.
+        gloss: reflectance, roughness, and cosine of what is mirrored with the sun.
+        lit: whether the sun shines there.
+    """
+    r, g, b = colour
+    sr, sg, sb = shown
+    fresnel, rough, towards_sun = gloss
+    r, g, b = r + (sr - r) * fresnel, g + (sg - g) * fresnel, b + (sb - b) * fresnel
+    if lit:
+        glint = _glint(towards_sun, rough, fresnel)
+        r += light.sun[0] * glint
+        g += light.sun[1] * glint
+        b += light.sun[2] * glint
+    return r, g, b
+
+
+@inlined
+def towards(s, d):  # type: ignore[no-untyped-def]
+    """Cosine between two unit directions."""
     return d[0] * s[0] + d[1] * s[1] + d[2] * s[2]
 
 
 @inlined
-def _through_fog(light, height, rise, sunwards, distance, colour):  # type: ignore[no-untyped-def]
+def through_fog(light, height, rise, sunwards, distance, colour):  # type: ignore[no-untyped-def]
     """Radiance that is left of a colour, with the light of the fog on the way.
 
     ``height``: z of the camera. ``rise``, ``sunwards``: of the ray's unit direction.
@@ -501,7 +499,7 @@ def _through_fog(light, height, rise, sunwards, distance, colour):  # type: igno
 
 
 @inlined
-def _through_rain(light, rays, d, distance, colour):  # type: ignore[no-untyped-def]
+def through_rain(light, rays, d, distance, colour):  # type: ignore[no-untyped-def]
     """Radiance that is left of a colour, with the light of the rain on the way."""
     r, g, b = colour
     if light.rain > 0:
@@ -514,7 +512,7 @@ def _through_rain(light, rays, d, distance, colour):  # type: ignore[no-untyped-
 
 
 @inlined
-def _lamps_on(frame):  # type: ignore[no-untyped-def]
+def any_lamp_on(frame):  # type: ignore[no-untyped-def]
     """Whether any lamp shines."""
     lamps = frame.lamps
     on = frame.light.night > 0
@@ -524,7 +522,7 @@ def _lamps_on(frame):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _sky_met(light, d, pixel_angle, colour):  # type: ignore[no-untyped-def]
+def sky_met(light, d, pixel_angle, colour):  # type: ignore[no-untyped-def]
     """Radiance of the sky of a colour, the stars and the sun's disc in a unit direction."""
     r, g, b = colour
     if light.stars > 0:
@@ -541,7 +539,7 @@ def _sky_met(light, d, pixel_angle, colour):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _exposed(light, colour):  # type: ignore[no-untyped-def]
+def exposed(light, colour):  # type: ignore[no-untyped-def]
     """Display light of a colour."""
     r, g, b = colour
     return _film(r * light.exposure), _film(g * light.exposure), _film(b * light.exposure)
@@ -560,226 +558,46 @@ def shade_rays(frame, rays, scratch, epic, first, last, out):  # type: ignore[no
         out: ``(N, 3)`` float32, to be filled.
     """
     light = frame.light
-    lamps_on = _lamps_on(frame)
+    lamps_on = any_lamp_on(frame)
     for i in range(first, last):
         dx, dy, dz, length = _unit(rays.directions, i)
         d = (dx, dy, dz)
         if rays.row[i] == NOTHING:
-            distance = _SKY_M
+            distance = SKY_M
             sky = sky_radiance(light, dx, dy, dz)
-            r, g, b = _sky_met(light, d, rays.pixel_angle, sky)
+            r, g, b = sky_met(light, d, rays.pixel_angle, sky)
         else:
             distance = rays.t[i] * length
-            normals = _normals_met(frame, rays, i, d)
-            n, way = (normals[0], normals[1], normals[2]), (normals[3], normals[4], normals[5])
-            leaves = normals[6]
-            p = _place_met(rays, d, distance)
-            o = _lifted(p, way, distance)
-            free = _uncovered(
-                frame, scratch, rays.skip, epic, o, way, distance, (rays.row[i], leaves)
-            )
+            row, number = rays.row[i], rays.triangle[i]
+            surfaces = frame.static if row < 0 else frame.actors
+            leaves = is_leaf(frame.materials.detail[surfaces.material[number]])
+            nx, ny, nz, gx, gy, gz = facing_normals(
+                frame.scene, surfaces, row, number, rays.weights[i, 0], rays.weights[i, 1], leaves,
+                dx, dy, dz,
+            )  # fmt: skip
+            n, way = (nx, ny, nz), (gx, gy, gz)
+            p = place_met(rays.origin, d, distance)
+            o = lifted(p, way, distance)
+            free = _uncovered(frame, scratch, rays.skip, epic, o, way, distance, (row, leaves))
             sunlit = False
             if sun_may_reach(light, n, way, leaves):
                 start = sun_start(light, p, o, leaves)
                 sunlit = sees_sun(frame.scene, scratch, light, start, rays.skip)
-            r, g, b = _hit_radiance(
-                frame, rays, scratch, epic, lamps_on, i, d, distance, normals, free, sunlit
-            )
-        sunwards = _towards_sun(light, d)
-        colour = _through_fog(light, rays.origin[2], d[2], sunwards, distance, (r, g, b))
-        r, g, b = _exposed(light, _through_rain(light, rays, d, distance, colour))
+            pixel = footprint(rays.pixel_angle, d, way, distance)
+            r, g, b, lr, lg, lb, fresnel, rough, rx, ry, rz, lit, town = unmirrored(
+                frame, rays, scratch, epic, lamps_on, i, d, distance, p, pixel,
+                (nx, ny, nz, gx, gy, gz, leaves), (free, sunlit),
+            )  # fmt: skip
+            if fresnel >= 0:
+                mirror = (rx, ry, rz)
+                if town:
+                    shown = mirrored(frame, scratch, rays.skip, o, mirror, lamps_on)
+                else:
+                    shown = over_town(light, rz, sky_radiance(light, rx, ry, rz))
+                gloss = (fresnel, rough, towards(light.sun_direction, mirror))
+                r, g, b = with_mirrored(light, (r, g, b), shown, gloss, lit)
+            r, g, b = r + lr, g + lg, b + lb
+        sunwards = towards(light.sun_direction, d)
+        colour = through_fog(light, rays.origin[2], d[2], sunwards, distance, (r, g, b))
+        r, g, b = exposed(light, through_rain(light, rays, d, distance, colour))
         out[i, 0], out[i, 1], out[i, 2] = r, g, b
-
-
-class ShadeScratch(NamedTuple):
-    """Working memory of one thread for packets of rays.
-
-    Attributes:
-        packet: of the rays that are traced.
-        normals: ``(6, 256)`` float32 see :func:`_normals_met`.
-        free: ``(256,)`` float32 share of the sky's light that comes to what each ray met.
-        leaves, sunlit, covered: ``(256,)`` bool: whether it is leaves, whether the sun reaches it,
-            whether something may stand right above it.
-        which: ``(256,)`` int32 rays for which others are traced.
-        seen: ``(6, 256)`` float32 radiance (red, green, blue) of what each ray met, how far that
-            is, and the ray's rise and cosine with the sun.
-        sky: ``(5, 256)`` float32 unit directions (x, y, z) of the rays that met nothing, and their
-            places in the sky's table.
-    """
-
-    packet: PacketScratch
-    normals: NDArray[np.float32]
-    free: NDArray[np.float32]
-    leaves: NDArray[np.bool_]
-    sunlit: NDArray[np.bool_]
-    covered: NDArray[np.bool_]
-    which: NDArray[np.int32]
-    seen: NDArray[np.float32]
-    sky: NDArray[np.float32]
-
-
-def new_shade_scratch() -> ShadeScratch:
-    """Working memory for one thread."""
-    return ShadeScratch(
-        new_packet_scratch(),
-        np.empty((6, TOGETHER), np.float32),
-        np.empty(TOGETHER, np.float32),
-        np.empty(TOGETHER, np.bool_),
-        np.empty(TOGETHER, np.bool_),
-        np.empty(TOGETHER, np.bool_),
-        np.empty(TOGETHER, np.int32),
-        np.empty((6, TOGETHER), np.float32),
-        np.empty((5, TOGETHER), np.float32),
-    )
-
-
-@device
-def _want(packet, which, i, start, distance):  # type: ignore[no-untyped-def]
-    """Put down that a ray from a place is wanted for ray ``i``."""
-    k = packet.wanted[0]
-    packet.from_[0, k], packet.from_[1, k], packet.from_[2, k] = start[0], start[1], start[2]
-    packet.from_[3, k] = distance
-    which[k] = i
-    packet.wanted[0] = k + 1
-
-
-@device
-def _find_light(frame, rays, memory, order, begin, count, epic):  # type: ignore[no-untyped-def]
-    """What comes of sun and sky to the places that packets met, into ``memory``."""
-    light, packet, which = frame.light, memory.packet, memory.which
-    packet.wanted[0] = 0
-    for i in range(count):
-        ray = order[begin + i]
-        memory.sunlit[i] = False
-        memory.covered[i] = False
-        if rays.row[ray] == NOTHING:
-            continue
-        dx, dy, dz, length = _unit(rays.directions, ray)
-        d = (dx, dy, dz)
-        distance = rays.t[ray] * length
-        normals = _normals_met(frame, rays, ray, d)
-        n, way = (normals[0], normals[1], normals[2]), (normals[3], normals[4], normals[5])
-        leaves = normals[6]
-        for k in range(3):
-            memory.normals[k, i] = n[k]
-            memory.normals[3 + k, i] = way[k]
-        memory.leaves[i] = leaves
-        memory.free[i] = _ONE
-        p = _place_met(rays, d, distance)
-        o = _lifted(p, way, distance)
-        if epic and _feels_sky(leaves, distance):
-            memory.free[i] = openness(
-                frame.scene, packet.single, o, way[0], way[1], way[2], rays.skip
-            )
-        else:
-            memory.covered[i] = _is_covered_ground(rays.row[ray], way, distance)
-        if sun_may_reach(light, n, way, leaves):
-            _want(packet, which, i, sun_start(light, p, o, leaves), distance)
-    s = light.sun_direction
-    trace_along(frame.scene, packet, (s[0], s[1], s[2]), RAY_NEAR_M, SHADOW_M, rays.skip, True)
-    for k in range(packet.wanted[0]):
-        memory.sunlit[which[k]] = packet.met[k] < _ZERO
-    packet.wanted[0] = 0
-    for i in range(count):
-        if not memory.covered[i]:
-            continue
-        ray = order[begin + i]
-        dx, dy, dz, length = _unit(rays.directions, ray)
-        d = (dx, dy, dz)
-        distance = rays.t[ray] * length
-        way = (memory.normals[3, i], memory.normals[4, i], memory.normals[5, i])
-        start = _lifted(_place_met(rays, d, distance), way, distance)
-        _want(packet, which, i, start, distance)
-    trace_along(frame.scene, packet, overhang_way(), RAY_NEAR_M, OVERHANG_M, rays.skip, False)
-    for k in range(packet.wanted[0]):
-        if packet.met[k] >= _ZERO:
-            memory.free[which[k]] = overhang_share(packet.met[k])
-
-
-@device
-def _see_sky(light, rays, memory, order, begin, count):  # type: ignore[no-untyped-def]
-    """What the rays see that met nothing; the loop that has no branches runs eight at a time."""
-    sky, seen, which = memory.sky, memory.seen, memory.which
-    met = 0
-    for k in range(count):
-        i = order[begin + k]
-        if rays.row[i] == NOTHING:
-            for axis in range(3):
-                sky[axis, met] = rays.directions[i, axis]
-            which[met] = k
-            met += 1
-    for j in range(met):
-        dx, dy, dz, _ = _unit_of(sky[0, j], sky[1, j], sky[2, j])
-        sky[0, j], sky[1, j], sky[2, j] = dx, dy, dz
-        sky[3, j], sky[4, j] = sky_place(light, dx, dy, dz)
-    for j in range(met):
-        k, d = which[j], (sky[0, j], sky[1, j], sky[2, j])
-        colour = radiance_at(light, sky[3, j], sky[4, j])
-        seen[0, k], seen[1, k], seen[2, k] = _sky_met(light, d, rays.pixel_angle, colour)
-        seen[_DISTANCE, k], seen[_RISE, k] = _SKY_M, d[2]
-        seen[_SUNWARDS, k] = _towards_sun(light, d)
-
-
-@device
-def _expose_packet(light, rays, memory, order, begin, count, out):  # type: ignore[no-untyped-def]
-    """Display light of what a packet met; the loop that has no branches runs eight at a time."""
-    seen, height = memory.seen, rays.origin[2]
-    for k in range(count):
-        seen[0, k], seen[1, k], seen[2, k] = _through_fog(
-            light, height, seen[_RISE, k], seen[_SUNWARDS, k], seen[_DISTANCE, k],
-            (seen[0, k], seen[1, k], seen[2, k]),
-        )  # fmt: skip
-    if light.rain > 0:
-        for k in range(count):
-            dx, dy, dz, _ = _unit(rays.directions, order[begin + k])
-            seen[0, k], seen[1, k], seen[2, k] = _through_rain(
-                light,
-                rays,
-                (dx, dy, dz),
-                seen[_DISTANCE, k],
-                (seen[0, k], seen[1, k], seen[2, k]),
-            )
-    for k in range(count):
-        seen[0, k], seen[1, k], seen[2, k] = _exposed(light, (seen[0, k], seen[1, k], seen[2, k]))
-    for k in range(count):
-        for channel in range(3):
-            out[order[begin + k], channel] = seen[channel, k]
-
-
-@device
-def shade_packets(frame, rays, memory, epic, order, starts, first, last, out):  # type: ignore[no-untyped-def]
-    """As :func:`shade_rays`, of rays that run side by side.
-
-    Args:
-        frame, rays, epic, out: as there.
-        memory: a :class:`ShadeScratch` of this thread.
-        order, starts: packets, see :func:`carstage_sim.render.packets.cast_packets`.
-        first, last: half-open range of packets.
-    """
-    light = frame.light
-    lamps_on = _lamps_on(frame)
-    for number in range(first, last, _PACKETS):
-        begin = starts[number]
-        count = starts[min(number + _PACKETS, last)] - begin
-        _find_light(frame, rays, memory, order, begin, count, epic)
-        _see_sky(light, rays, memory, order, begin, count)
-        for k in range(count):
-            i = order[begin + k]
-            if rays.row[i] == NOTHING:
-                continue
-            dx, dy, dz, length = _unit(rays.directions, i)
-            d = (dx, dy, dz)
-            distance = rays.t[i] * length
-            met, seen = memory.normals, memory.seen
-            normals = (
-                met[0, k], met[1, k], met[2, k], met[3, k], met[4, k], met[5, k],
-                memory.leaves[k],
-            )  # fmt: skip
-            r, g, b = _hit_radiance(
-                frame, rays, memory.packet.single, epic, lamps_on, i, d, distance, normals,
-                memory.free[k], memory.sunlit[k],
-            )  # fmt: skip
-            seen[0, k], seen[1, k], seen[2, k] = r, g, b
-            seen[_DISTANCE, k], seen[_RISE, k] = distance, d[2]
-            seen[_SUNWARDS, k] = _towards_sun(light, d)
-        _expose_packet(light, rays, memory, order, begin, count, out)

@@ -6,6 +6,7 @@ from typing import Any
 
 from llvmlite import ir
 from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic
 
 from carstage_sim.kernels import Decorator
@@ -13,11 +14,13 @@ from carstage_sim.render.packet_simd import (
     EDGE_SLACK,
     EDGES,
     PACKET,
+    across_lanes,
     corner_of,
     dot,
     in_rows,
     magnitude,
     minor,
+    number_at,
     numbers_at,
     overlapping,
     reach_of,
@@ -28,12 +31,14 @@ from carstage_sim.render.packet_simd import (
 )
 from carstage_sim.render.simd import meet_triangles
 from carstage_sim.render.vector_code import (
+    F32,
     I64,
     LANES,
     bits_of,
     constant,
     larger_of,
     load_lanes,
+    new_variable,
     smaller_of,
     splat,
     store_lanes,
@@ -79,6 +84,53 @@ def boxes_in_shaft(typing_context, planes, node, shaft, entry):  # type: ignore[
         met = overlapping(builder, spans, numbers_at(builder, numbers, range(12, 18)))
         exists = builder.fcmp_ordered("<=", sides[0], sides[3])
         return bits_of(builder, builder.and_(met, exists))
+
+    return signature, codegen
+
+
+@_intrinsic
+def enclose_starts(typing_context, starts, groups, shaft, slack, slopes):  # type: ignore[no-untyped-def]
+    """How far the origins of parallel rays are from a place, along and across their direction.
+
+    Args:
+        typing_context: numba's.
+        starts: ``(3, PACKET)`` float32 origins.
+        groups: how many rows of eight there are.
+        shaft: as for :func:`boxes_in_shaft`, where the bounds are filled in.
+        slack: room to leave across the rays, metres.
+        slopes: ``(>= 4, 8)`` float32, receives the bounds of each row across the rays.
+    """
+    signature = types.void(starts, groups, shaft, slack, slopes)
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        data, count, numbers, margin, rows = unpack(context, builder, signature, args)
+        origin = numbers_at(builder, numbers, range(3))
+        vectors = [numbers_at(builder, numbers, range(k, k + 3)) for k in (3, 6, 9)]
+        begins, joins = (float("inf"), float("-inf")), (smaller_of, larger_of)
+        held = [[new_variable(builder, constant(value)) for value in begins] for _ in vectors]
+        stride = ir.Constant(I64, PACKET // LANES)
+        out_by = (builder.fsub(ir.Constant(F32, 0.0), margin), margin)
+        with cgutils.for_range(builder, count) as loop:
+            point = []
+            for axis in range(3):
+                row = builder.add(builder.mul(ir.Constant(I64, axis), stride), loop.index)
+                point.append(builder.fsub(load_lanes(builder, data, row), origin[axis]))
+            for k, vector in enumerate(vectors):
+                place = dot(builder, vector, point)
+                for end, join in enumerate(joins):
+                    one = held[k][end]
+                    builder.store(join(builder, builder.load(one), place), one)
+                    if k < 2:
+                        value = builder.fadd(across_lanes(builder, place, join), out_by[end])
+                        index = builder.add(loop.index, ir.Constant(I64, (2 * k + end) * LANES))
+                        builder.store(value, number_at(builder, rows, index))
+        for k in range(3):
+            for end, join in enumerate(joins):
+                value = across_lanes(builder, builder.load(held[k][end]), join)
+                if k < 2:
+                    value = builder.fadd(value, out_by[end])
+                builder.store(value, number_at(builder, numbers, 12 + 2 * k + end))
+        return context.get_dummy_value()
 
     return signature, codegen
 

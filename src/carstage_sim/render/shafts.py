@@ -16,6 +16,7 @@ from carstage_sim.render.leaves import is_gap
 from carstage_sim.render.packet_simd import PACKET, largest
 from carstage_sim.render.shaft_simd import (
     boxes_in_shaft,
+    enclose_starts,
     parallel_rays_hit,
     rows_in_shaft,
     triangles_in_shaft,
@@ -152,24 +153,7 @@ def _enclose(memory, d, high, count):  # type: ignore[no-untyped-def]
     beam[3], beam[4], beam[5] = ux, uy, uz
     beam[6], beam[7], beam[8] = vx, vy, vz
     beam[9], beam[10], beam[11] = x, y, z
-    above, below = np.float32(np.inf), np.float32(-np.inf)
-    beam[12], beam[13], beam[14], beam[15] = above, below, above, below
-    least_w, most_w = above, below
-    for g in range((count + LANES - 1) // LANES):
-        least_u, most_u, least_v, most_v = above, below, above, below
-        for i in range(g * LANES, min(g * LANES + LANES, count)):
-            px, py, pz = starts[0, i] - ox, starts[1, i] - oy, starts[2, i] - oz
-            u = px * ux + py * uy + pz * uz
-            v = px * vx + py * vy + pz * vz
-            w = px * x + py * y + pz * z
-            least_u, most_u = min(least_u, u), max(most_u, u)
-            least_v, most_v = min(least_v, v), max(most_v, v)
-            least_w, most_w = min(least_w, w), max(most_w, w)
-        slopes[0, g], slopes[1, g] = least_u - _SLACK_M, most_u + _SLACK_M
-        slopes[2, g], slopes[3, g] = least_v - _SLACK_M, most_v + _SLACK_M
-        beam[12], beam[13] = min(beam[12], slopes[0, g]), max(beam[13], slopes[1, g])
-        beam[14], beam[15] = min(beam[14], slopes[2, g]), max(beam[15], slopes[3, g])
-    beam[16], beam[17] = least_w, most_w
+    enclose_starts(starts, (count + LANES - 1) // LANES, beam, _SLACK_M, slopes)
     beam[_AROUND] = np.float32(0)
     for k in range(12, 18, 2):
         beam[_AROUND] += max(-beam[k], beam[k + 1])

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from carstage_sim.kernels import kernel
 from carstage_sim.render.cast import cast_rays
+from carstage_sim.render.packet_shading import shade_packets
 from carstage_sim.render.packets import cast_packets
-from carstage_sim.render.shading import shade_packets
 from carstage_sim.render.sharing import take
 
 

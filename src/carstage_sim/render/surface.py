@@ -24,21 +24,11 @@ _ZERO: Any = np.float32(0)
 _ONE: Any = np.float32(1)
 
 
-@device
-def facing_normals(scene, surfaces, hit_actor, number, u, v, leaves, dx, dy, dz):  # type: ignore[no-untyped-def]
-    """Shading normal and triangle's normal in the world, both towards the ray's origin.
+@inlined
+def normals_at(scene, surfaces, hit_actor, number, u, v):  # type: ignore[no-untyped-def]
+    """Normal between a triangle's corners, of any length, and the triangle's own, in the world.
 
-    Args:
-        scene: a :class:`carstage_sim.render.cast.Scene`.
-        surfaces: of the geometry that was met.
-        hit_actor: instance row, negative for static geometry.
-        number: triangle.
-        u, v: weights of its first and second corner.
-        leaves: leaves keep the normals of their crown, wherever they face.
-        dx, dy, dz: the ray's unit direction.
-
-    Returns:
-        ``(nx, ny, nz, gx, gy, gz)``, unit vectors.
+    Arguments are those of :func:`facing_normals`, which turns them to the ray's origin.
     """
     w = _ONE - u - v
     n = surfaces.normals
@@ -58,17 +48,47 @@ def facing_normals(scene, surfaces, hit_actor, number, u, v, leaves, dx, dy, dz)
             q[hit_actor, 1, 0] * gx + q[hit_actor, 1, 1] * gy + q[hit_actor, 1, 2] * gz,
             q[hit_actor, 2, 0] * gx + q[hit_actor, 2, 1] * gy + q[hit_actor, 2, 2] * gz,
         )
-    if not leaves:
-        if gx * dx + gy * dy + gz * dz > 0:
-            gx, gy, gz = -gx, -gy, -gz
-        if nx * gx + ny * gy + nz * gz < 0:
-            nx, ny, nz = -nx, -ny, -nz
-        beyond = nx * dx + ny * dy + nz * dz
-        if beyond > np.float32(-0.02):
-            beyond += np.float32(0.02)
-            nx, ny, nz = nx - beyond * dx, ny - beyond * dy, nz - beyond * dz
+    return nx, ny, nz, gx, gy, gz
+
+
+@inlined
+def turned_normals(n, g, solid, d):  # type: ignore[no-untyped-def]
+    """Unit normals towards the origin of a ray ``d``, without a branch; see :func:`normals_at`.
+
+    ``solid`` is 0 for leaves, which keep the normals of their crown, and else 1.
+    """
+    nx, ny, nz = n
+    gx, gy, gz = g
+    dx, dy, dz = d
+    turn = -_ONE if (gx * dx + gy * dy + gz * dz) * solid > 0 else _ONE
+    gx, gy, gz = gx * turn, gy * turn, gz * turn
+    turn = -_ONE if (nx * gx + ny * gy + nz * gz) * solid < 0 else _ONE
+    nx, ny, nz = nx * turn, ny * turn, nz * turn
+    beyond = max(nx * dx + ny * dy + nz * dz + np.float32(0.02), _ZERO) * solid
+    nx, ny, nz = nx - beyond * dx, ny - beyond * dy, nz - beyond * dz
     scale = _ONE / max(math.sqrt(nx * nx + ny * ny + nz * nz), np.float32(1e-6))
     return nx * scale, ny * scale, nz * scale, gx, gy, gz
+
+
+@device
+def facing_normals(scene, surfaces, hit_actor, number, u, v, leaves, dx, dy, dz):  # type: ignore[no-untyped-def]
+    """Shading normal and triangle's normal in the world, both towards the ray's origin.
+
+    Args:
+        scene: a :class:`carstage_sim.render.cast.Scene`.
+        surfaces: of the geometry that was met.
+        hit_actor: instance row, negative for static geometry.
+        number: triangle.
+        u, v: weights of its first and second corner.
+        leaves: leaves keep the normals of their crown, wherever they face.
+        dx, dy, dz: the ray's unit direction.
+
+    Returns:
+        ``(nx, ny, nz, gx, gy, gz)``, unit vectors.
+    """
+    nx, ny, nz, gx, gy, gz = normals_at(scene, surfaces, hit_actor, number, u, v)
+    solid = _ZERO if leaves else _ONE
+    return turned_normals((nx, ny, nz), (gx, gy, gz), solid, (dx, dy, dz))
 
 
 @inlined

@@ -11,13 +11,18 @@ from typing import Any
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
+from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
+
+from carstage_sim.kernels import Decorator
 
 LANES = 8
 """Numbers of a vector; children of a node and triangles of a leaf block."""
 
 _array_struct: Any = make_array
+_intrinsic: Decorator = intrinsic
 new_variable: Any = cgutils.alloca_once_value
+_function: Any = cgutils.get_or_insert_function
 
 F32 = ir.FloatType()
 I32 = ir.IntType(32)
@@ -68,6 +73,52 @@ def smaller_of(builder: Any, a: Any, b: Any) -> Any:
 def bits_of(builder: Any, lanes: Any) -> Any:
     """Eight booleans as the low eight bits of an int64."""
     return builder.zext(builder.bitcast(lanes, ir.IntType(LANES)), I64)
+
+
+@_intrinsic
+def real_at(typing_context, numbers, place):  # type: ignore[no-untyped-def]
+    """A number of a flat float32 array, at a place that is not negative.
+
+    Numba would ask whether it is: loops that do are not run eight at a time.
+    """
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        data, index = unpack(context, builder, signature, args)
+        return builder.load(builder.gep(data, [index]))
+
+    return types.float32(numbers, place), codegen
+
+
+@_intrinsic
+def put_real(typing_context, numbers, place, value):  # type: ignore[no-untyped-def]
+    """Write a number of a flat float32 array; see :func:`real_at`."""
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        data, index, number = unpack(context, builder, signature, args)
+        builder.store(number, builder.gep(data, [index]))
+        return context.get_dummy_value()
+
+    return types.void(numbers, place, value), codegen
+
+
+@_intrinsic
+def fetch_ahead(typing_context, array, place):  # type: ignore[no-untyped-def]
+    """Let the processor fetch what a flat number ``place`` of an array lies beside; a hint.
+
+    Without it, a loop over scattered places waits for each of them in turn.
+    """
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        data, index = unpack(context, builder, signature, args)
+        byte = ir.IntType(8).as_pointer()
+        kind = ir.FunctionType(ir.VoidType(), [byte, I32, I32, I32])
+        function = _function(builder.module, kind, "llvm.prefetch.p0i8")
+        address = builder.bitcast(builder.gep(data, [index]), byte)
+        read, near, of_data = (ir.Constant(I32, value) for value in (0, 3, 1))
+        builder.call(function, [address, read, near, of_data])
+        return context.get_dummy_value()
+
+    return types.void(array, place), codegen
 
 
 def unpack(context: Any, builder: Any, signature: Any, args: Any) -> list[Any]:

@@ -15,13 +15,14 @@ from carstage_sim.render.film import Film
 from carstage_sim.render.gpu.camera import Product
 from carstage_sim.sensors.attributes import number, require, whole, within
 from carstage_sim.sensors.lens import Lens
-from carstage_sim.sensors.measurements import Bgra, ImageFrame, SensorRequest
+from carstage_sim.sensors.measurements import ImageFrame, SensorRequest
 from carstage_sim.sensors.pixel_kernels import (
     InBands,
     bytes_of,
     depth_words,
     in_one,
     instance_words,
+    normal_words,
 )
 from carstage_sim.sensors.sensor import MeasuringSensor, SensorRegistry
 from carstage_sim.sensors.view import Camera, View
@@ -46,12 +47,14 @@ def encode_depth(depth_m: NDArray[np.floating], in_bands: InBands = in_one) -> N
     return bytes_of(words, depth_m.shape)
 
 
-def encode_tags(tags: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """``(..., 4)`` BGRA bytes of a semantic picture: the tag in R."""
-    pixels = np.zeros((*tags.shape, 4), np.uint8)
-    pixels[..., Bgra.RED] = tags
-    pixels[..., Bgra.ALPHA] = 255
-    return pixels
+def encode_tags(tags: NDArray[np.uint8], in_bands: InBands = in_one) -> NDArray[np.uint8]:
+    """``(..., 4)`` BGRA bytes of a semantic picture: the tag in R.
+
+    Args:
+        tags: of any shape.
+        in_bands: does the work, perhaps in several threads.
+    """
+    return encode_instances(tags, np.zeros(tags.shape, np.uint16), in_bands)
 
 
 def encode_instances(
@@ -69,16 +72,21 @@ def encode_instances(
     return bytes_of(words, tags.shape)
 
 
-def encode_normals(normals: NDArray[np.floating]) -> NDArray[np.uint8]:
+def encode_normals(normals: NDArray[np.floating], in_bands: InBands = in_one) -> NDArray[np.uint8]:
     """``(..., 4)`` BGRA bytes of ``(..., 3)`` world normals: x in R, y in G, z in B.
 
     Each component goes from [-1, 1] to [0, 255] (CARLA since 0.9.16, pull request 8810); so the
     zero of the sky reads 128.
+
+    Args:
+        normals: of any shape.
+        in_bands: does the work, perhaps in several threads.
     """
-    pixels = np.full((*normals.shape[:-1], 4), 255, np.uint8)
-    # Half a step more than zero's code, as the fraction is cut off.
-    pixels[..., :3] = (normals * np.float32(127.5) + np.float32(128.0))[..., ::-1]
-    return pixels
+    shape = normals.shape[:-1]
+    flat = np.ascontiguousarray(normals, np.float32).reshape(-1, 3)
+    words = np.empty(len(flat), "<u4")
+    in_bands(len(flat), lambda first, last: normal_words(flat, first, last, words))
+    return bytes_of(words, shape)
 
 
 class CameraSensor(MeasuringSensor):
@@ -209,7 +217,7 @@ class SemanticCamera(HitCamera):
 
     def encoded(self, view: View, hits: Hits) -> NDArray[np.uint8]:
         """The tags."""
-        return encode_tags(view.tags(hits))
+        return encode_tags(view.tags(hits), view.in_bands)
 
 
 @SensorRegistry.register("sensor.camera.instance_segmentation")
@@ -231,4 +239,4 @@ class NormalsCamera(HitCamera):
 
     def encoded(self, view: View, hits: Hits) -> NDArray[np.uint8]:
         """The normals."""
-        return encode_normals(view.smooth_normals(hits))
+        return encode_normals(view.smooth_normals(hits), view.in_bands)

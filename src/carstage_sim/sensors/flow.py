@@ -23,6 +23,7 @@ from carstage_sim.render.scene import Frame
 from carstage_sim.sensors.cameras import CameraSensor
 from carstage_sim.sensors.lens import PINHOLE, pixel_places
 from carstage_sim.sensors.measurements import FlowFrame, SensorRequest
+from carstage_sim.sensors.pixel_kernels import InBands
 from carstage_sim.sensors.sensor import SensorRegistry
 from carstage_sim.sensors.view import View
 from carstage_sim.world.state import ActorKind, WorldState
@@ -91,22 +92,30 @@ class OpticalFlowCamera(CameraSensor):
                 flow = made.view(np.float32).reshape(self.height, self.width, 2)
                 return FlowFrame(self.fov_deg, flow)
         hits = view.camera(self.camera(request))
-        return FlowFrame(self.fov_deg, self._flow(motions, hits))
+        return FlowFrame(self.fov_deg, self._flow(motions, hits, view.in_bands))
 
-    def _flow(self, motions: Motions, hits: Hits) -> NDArray[np.float32]:
+    def _flow(self, motions: Motions, hits: Hits, in_bands: InBands) -> NDArray[np.float32]:
         """``(H, W, 2)`` motion of all pixels."""
         half_width = math.tan(math.radians(self.fov_deg) / 2.0)
         half_height = half_width * self.height / self.width
         places = pixel_places(self.width, self.height, self.lens)
-        x_before, y_before = earlier_places(motions, hits, places, (half_width, half_height))
-        if self.lens.distorts:
-            # The lens shows both points where it bends their rays to.
-            x_before, y_before = self.lens.distorted(x_before, y_before)
         x, y = pixel_places(self.width, self.height, PINHOLE)
         flow = np.empty((self.height * self.width, 2), np.float32)
-        flow[:, 0] = x - x_before
-        flow[:, 1] = y_before - y
-        return np.clip(flow, -_LARGEST, _LARGEST).reshape(self.height, self.width, 2)
+
+        def work(first: int, last: int) -> None:
+            x_before, y_before = earlier_places(
+                motions, hits, places, (half_width, half_height), first, last
+            )
+            if self.lens.distorts:
+                # The lens shows both points where it bends their rays to.
+                x_before, y_before = self.lens.distorted(x_before, y_before)
+            band = flow[first:last]
+            np.subtract(x[first:last], x_before, out=band[:, 0], casting="same_kind")
+            np.subtract(y_before, y[first:last], out=band[:, 1], casting="same_kind")
+            np.clip(band, -_LARGEST, _LARGEST, out=band)
+
+        in_bands(len(flow), work)
+        return flow.reshape(self.height, self.width, 2)
 
 
 def _motions(

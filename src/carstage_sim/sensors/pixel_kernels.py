@@ -93,6 +93,20 @@ def instance_words(tags, ids, first, last, words):  # type: ignore[no-untyped-de
         )
 
 
+@kernel
+def normal_words(normals, first, last, words):  # type: ignore[no-untyped-def]
+    """BGRA bytes of normals as little-endian words: x in R, y in G, z in B, -1 to 1 as 0 to 255."""
+    half, zero = np.float32(127.5), np.float32(128.0)
+    for k in range(first, last):
+        # Half a step more than zero's code, as the fraction is cut off.
+        x, y, z = (
+            np.uint32(normals[k, 0] * half + zero),
+            np.uint32(normals[k, 1] * half + zero),
+            np.uint32(normals[k, 2] * half + zero),
+        )
+        words[k] = x << np.uint32(16) | y << np.uint32(8) | z | _OPAQUE
+
+
 def bytes_of(words: NDArray[np.uint32], shape: tuple[int, ...]) -> NDArray[np.uint8]:
     """``(*shape, 4)`` bytes of flat words."""
     return words.view(np.uint8).reshape(*shape, 4)

@@ -11,7 +11,13 @@ import pytest
 
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.render.cast import NOTHING, STATIC
-from carstage_sim.sensors.cameras import encode_depth, encode_instances
+from carstage_sim.render.motion import earlier_places, no_motion
+from carstage_sim.sensors.cameras import (
+    encode_depth,
+    encode_instances,
+    encode_normals,
+    encode_tags,
+)
 from carstage_sim.sensors.pixel_kernels import in_one
 from carstage_sim.sensors.view import View
 
@@ -70,3 +76,43 @@ def test_bytes_of_depths_are_numpys(
     wanted = np.stack([code >> 16, code >> 8 & 0xFF, code & 0xFF, np.full_like(code, 255)], axis=1)
     np.testing.assert_array_equal(pixels.reshape(-1, 4), wanted)
     assert pixels.shape == (64, 64, 4)
+
+
+@pytest.mark.parametrize("in_bands", [in_one, in_threes])
+def test_bytes_of_normals_are_numpys(
+    in_bands: Callable[[int, Callable[[int, int], None]], None],
+) -> None:
+    rng = np.random.default_rng(6)
+    edges = [(1.0, -1.0, 0.0), (-0.0, 0.999999, -0.999999), (0.0, 0.0, 0.0)]
+    normals = np.concatenate([edges, rng.uniform(-1.0, 1.0, (4093, 3))]).astype(np.float32)
+    pixels = encode_normals(normals.reshape(64, 64, 3), in_bands)
+    wanted = (normals * np.float32(127.5) + np.float32(128.0)).astype(np.uint8)
+    np.testing.assert_array_equal(pixels.reshape(-1, 4)[:, 2::-1], wanted)
+    assert pixels.shape == (64, 64, 4)
+    assert (pixels[..., 3] == 255).all()
+
+
+def test_a_semantic_picture_has_the_tag_in_red_and_nothing_else() -> None:
+    tags = np.arange(35, dtype=np.uint8).reshape(5, 7)
+    pixels = encode_tags(tags, in_threes)
+    np.testing.assert_array_equal(pixels[..., 2], tags)
+    assert not pixels[..., :2].any()
+    assert (pixels[..., 3] == 255).all()
+
+
+def test_a_part_of_the_earlier_places_is_that_of_all() -> None:
+    rng = np.random.default_rng(7)
+    count = 40
+    hits: Any = SimpleNamespace(
+        row=np.where(rng.random(count) < 0.2, NOTHING, STATIC).astype(np.int32),
+        triangle=np.zeros(count, np.int32),
+        weights=np.zeros((count, 2), np.float32),
+        t=rng.uniform(1.0, 50.0, count).astype(np.float32),
+    )
+    places = (rng.uniform(-1, 1, count), rng.uniform(-1, 1, count))
+    shift = np.array([[0.5, -0.2, 0.1]])
+    moved = no_motion(0)._replace(shift=shift)
+    whole = earlier_places(moved, hits, places, (1.0, 0.6), 0, count)
+    parts = [earlier_places(moved, hits, places, (1.0, 0.6), *part) for part in ((0, 13), (13, 40))]
+    np.testing.assert_array_equal(np.concatenate(parts, axis=1), whole)
+    assert np.abs(whole[0] - places[0]).max() > 0.001

@@ -25,6 +25,11 @@ OVER_SHARE = 0.35
 """Of their speed at most, so that nobody moves sideways only."""
 BRAKE_M_S2 = 2.5
 """How hard they are asked to brake."""
+AT_LINE_M, AT_REST_M_S = 0.5, 0.3
+"""So near to where they wait, and so slow, they are asked for no speed at all."""
+SLOWEST_M_S = 0.1
+"""The least that is asked of who still rolls. The Traffic Manager divides by the speed that it is
+asked for; of none it makes NaN, and the pedals come up."""
 ON_LANE_M = 2.4
 """A vehicle that near to the middle of the lane drives in it, unless it is moving over."""
 BEHIND_M = 20.0
@@ -99,7 +104,7 @@ class WorksTraffic:
         if along_m is not None and along_m - half_m < works.last_m + 1.0:
             ahead_m = works.first_m - BEFORE_M - along_m - half_m
             if ahead_m < _braking_m(speed_m_s, 0.0) + speed_m_s and not goes(along_m):
-                limit_m_s = 0.0
+                limit_m_s = _waiting_m_s(ahead_m, speed_m_s, works.speed_m_s)
             elif ahead_m < _braking_m(speed_m_s, works.speed_m_s):
                 limit_m_s = works.speed_m_s
             if goes(along_m) and ahead_m < 0.0:
@@ -150,6 +155,14 @@ class WorksTraffic:
         if away[nearest] > aside_m or not same_way:
             return None
         return nearest * SPACING_M
+
+
+def _waiting_m_s(ahead_m: float, speed_m_s: float, most_m_s: float) -> float:
+    """What to ask of a vehicle that waits ``ahead_m`` further on; never to speed up beyond most."""
+    if ahead_m < AT_LINE_M and speed_m_s < AT_REST_M_S:
+        return 0.0
+    stopping_m_s = math.sqrt(2.0 * BRAKE_M_S2 * max(ahead_m, 0.0))
+    return max(min(stopping_m_s, max(speed_m_s, most_m_s)), SLOWEST_M_S)
 
 
 def _braking_m(speed_m_s: float, then_m_s: float) -> float:

@@ -1,0 +1,84 @@
+"""How vehicles are asked to drive before works, by the Traffic Manager's own terms."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import carla
+import pytest
+
+from carstage.collector.scenario.events.works_traffic import BEFORE_M, Works, WorksTraffic
+
+STEP_S = 0.1
+HALF_M = 2.4
+FIRST_M = 70.0
+ROLLS_M_S = 0.3
+
+
+class Ego:
+    """A car on the x axis."""
+
+    id = 1
+    is_alive = True
+    bounding_box = carla.BoundingBox(carla.Location(), carla.Vector3D(HALF_M, 1.0, 0.7))
+
+    def __init__(self, speed_m_s: float) -> None:
+        self.x_m, self.speed_m_s = 0.0, speed_m_s
+
+    def get_transform(self) -> Any:
+        return carla.Transform(carla.Location(self.x_m, 0.0, 0.0))
+
+    def get_velocity(self) -> Any:
+        return carla.Vector3D(self.speed_m_s, 0.0, 0.0)
+
+
+class World:
+    """Somebody is in the oncoming lane; keeps what the Traffic Manager is asked for."""
+
+    step_s = STEP_S
+    ego_half_m = HALF_M
+
+    def __init__(self, ego: Ego) -> None:
+        self.ego = ego
+        self.asked_m_s: float | None = None
+
+    def others(self) -> list[Any]:
+        return []
+
+    def first_taken(self, spots: Any) -> int:
+        return 0
+
+    def shift(self, vehicle: Any, right_m: float) -> None:
+        raise AssertionError("it has to wait")
+
+    def limit_speed(self, vehicle: Any, speed_m_s: float | None) -> None:
+        self.asked_m_s = speed_m_s
+
+
+def stretch() -> Any:
+    return SimpleNamespace(
+        places=[
+            SimpleNamespace(transform=carla.Transform(carla.Location(float(x), 0.0, 0.0)))
+            for x in range(110)
+        ]
+    )
+
+
+@pytest.mark.parametrize("speed_m_s", [3.0, 8.0, 11.0, 16.0])
+def test_who_waits_for_works_is_asked_for_some_speed_until_it_stands(speed_m_s: float) -> None:
+    """Of a speed of 0 the Traffic Manager makes pedals that are NaN: the car rolls on."""
+    ego = Ego(speed_m_s)
+    world: Any = World(ego)
+    works = Works(FIRST_M, FIRST_M + 18.0, -3.5, 5.0, True, [(0.0, 3.5)] * 110, True)
+    traffic = WorksTraffic(world, stretch(), works)
+    for _ in range(600):
+        traffic.step()
+        if world.asked_m_s == 0.0:
+            assert ego.speed_m_s < ROLLS_M_S
+        wanted = speed_m_s if world.asked_m_s is None else min(world.asked_m_s, speed_m_s)
+        change = min(max(wanted - ego.speed_m_s, -6.0 * STEP_S), 3.0 * STEP_S)
+        ego.speed_m_s += change
+        ego.x_m += ego.speed_m_s * STEP_S
+    assert world.asked_m_s == ego.speed_m_s == 0.0
+    assert ego.x_m + HALF_M == pytest.approx(FIRST_M - BEFORE_M, abs=1.5)

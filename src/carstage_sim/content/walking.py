@@ -136,8 +136,8 @@ class _Body:
 
 def _placed(body: _Body, size: float, head: float, stoop: float) -> Pose:
     unit = size / 1.80
-    # A larger head takes its room from the trunk.
-    down = 0.235 * (head - 1.0)
+    # A larger head takes its room from the neck and the trunk.
+    down = 0.195 * (head - 1.0)
     pelvis = (body.hips[0] + body.hips[1]) / 2 + np.array([0.0, 0.0, 0.03])
     drop = pelvis[2] - 0.955
     lean = body.lean

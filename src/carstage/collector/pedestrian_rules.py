@@ -18,8 +18,9 @@ from carstage.collector.world import WorldSession
 
 BEFORE_KERB_M = 1.2
 """Beyond the end of a crosswalk a pedestrian begins to look."""
-ON_ROAD_M = 0.4
-"""Who has gone that far onto a crosswalk is on the road, and goes on."""
+ON_ROAD_M = 0.2
+"""Who has gone that far onto a crosswalk is on the road, and goes on; farther in, wide vehicles
+would touch who stands."""
 BESIDE_M = 0.7
 INWARD_M_S = 0.2
 LOOK_M = 70.0

@@ -53,7 +53,7 @@ def seated_dress(type_id: str) -> Dress:
     covered = dress.bottom in ("trousers", "leggings", "shorts")
     return replace(
         dress,
-        top={"coat": "jacket", "dress": "tee"}.get(dress.top, dress.top),
+        top="jacket" if dress.top == "coat" else "tee" if dress.top == "dress" else dress.top,
         bottom=dress.bottom if covered else "trousers",
         bag="none",
         held="nothing",

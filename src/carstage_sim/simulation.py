@@ -23,6 +23,7 @@ from carstage_sim.recording import RecorderController, RecordingsFolder
 from carstage_sim.render.gpu.device import Choice, chosen_gpu
 from carstage_sim.render.quality import Quality
 from carstage_sim.sensors import SensorAttributeError, WorldSensors
+from carstage_sim.sensors.actors import WHEELCHAIR
 from carstage_sim.sensors.gbuffers import GBUFFERS
 from carstage_sim.sensors.gbuffers import SENT_AS as GBUFFER_MESSAGE
 from carstage_sim.sensors.looping import Looping
@@ -31,6 +32,7 @@ from carstage_sim.sensors.occupancy import TYPE_ID as EXACT_VOXELS
 from carstage_sim.sensors.projection import GeoProjection
 from carstage_sim.sensors.sensor import Sensor, SensorRegistry
 from carstage_sim.world.actors import Actor
+from carstage_sim.world.blueprints.walkers import uses_wheelchair
 from carstage_sim.world.controls import EpisodeSettings
 from carstage_sim.world.errors import SpawnError
 from carstage_sim.world.kernel_warmup import warm_up_mechanics
@@ -395,7 +397,8 @@ class Simulation:
             SpawnError: an attribute has an impossible value.
         """
         if not type_id.startswith("sensor."):
-            self._drawing.at_once_or_later(self._expect, type_id)
+            sits = WHEELCHAIR if uses_wheelchair(attributes) else ""
+            self._drawing.at_once_or_later(self._expect, type_id + sits)
             return
         request = SensorRequest(0, type_id, attributes, ZERO, ZERO, 0)
         try:

@@ -20,6 +20,7 @@ from benchmarks.simulator.render.sheets import (
 from carstage_sim.content.pedestrians import pedestrian_mesh, walking_joints
 from carstage_sim.content.people import COUNT
 from carstage_sim.content.walking import WALK_PHASES
+from carstage_sim.content.wheelchairs import EXTENT, seated_joints, wheelchair_mesh
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.mesh import TriangleMesh
 from carstage_sim.render.scene import QUICK, Placement
@@ -32,7 +33,9 @@ _BEHIND = (3, 7, 19, 15, 10, 17)
 _WALKING, _RUNNING = 16, 6
 _IN_RAIN = (4, 25, 21)
 _FOV_DEG = 36.0
-_UMBRELLA = "+umbrella"
+_UMBRELLA, _WHEELCHAIR = "+umbrella", "+wheelchair"
+_CHILDREN = (48, 13, 9)
+_SITTING = ((1, 15.0), (3, 80.0), (20, 160.0))
 _RAIN = Weather(
     sun_altitude_angle=45.0, sun_azimuth_angle=50.0, cloudiness=90.0, precipitation=60.0,
     precipitation_deposits=50.0, wetness=80.0,
@@ -41,7 +44,9 @@ _RAIN = Weather(
 
 def _mesh(key: str) -> TriangleMesh:
     figure, _, phase = key.partition(QUICK)
-    name = figure.removesuffix(_UMBRELLA)
+    name, _, _ = figure.partition("+")
+    if figure.endswith(_WHEELCHAIR):
+        return wheelchair_mesh(name, seated_joints(int(phase)), int(phase))
     extent = catalogue()[name].box_extent
     joints = walking_joints(name, extent, int(phase))
     return pedestrian_mesh(name, extent, joints, umbrella=figure != name)
@@ -56,6 +61,15 @@ def _placed(
         number, f"{name}{_UMBRELLA if rain else ''}{QUICK}{phase}", np.array([*at, half]),
         rotation_matrix((0.0, yaw_deg, 0.0)), colours(name),
     )  # fmt: skip
+
+
+def _sitting(number: int, phase: int, turn_deg: float) -> Shot:
+    name = f"walker.pedestrian.{number:04d}"
+    model = f"{name}{_WHEELCHAIR}{QUICK}{phase}"
+    at, rotation = np.array([0.0, 0.0, EXTENT[2]]), rotation_matrix((0.0, 0.0, 0.0))
+    person = Placement(number, model, at, rotation, colours(name))
+    eye, view = around((0.0, 0.0, EXTENT[2]), 3.3, turn_deg, 1.4)
+    return Shot(f"{number:04d}, in a wheelchair", [person], eye, view, _FOV_DEG, FROM_AHEAD)
 
 
 def _crowd(weather: Weather, away: float, when: str) -> Shot:
@@ -98,12 +112,16 @@ def _shots() -> Iterator[Shot]:
     for number, turn_deg in zip(_IN_RAIN, (15.0, 80.0, 160.0), strict=True):
         yield _portrait(number, 2, turn_deg, f"{number:04d}, in rain", _RAIN)
     yield _portrait(_IN_RAIN[0], 0, 15.0, f"{_IN_RAIN[0]:04d}, dry", DAY)
+    for number, turn_deg in _SITTING:
+        yield _sitting(number, 4 * number, turn_deg)
+    for number, turn_deg in zip(_CHILDREN, (15.0, 80.0, 15.0), strict=True):
+        yield _portrait(number, 0, turn_deg, f"{number:04d}", FROM_AHEAD)
     yield _crowd(_RAIN, 6.0, "rain")
     yield _crowd(_RAIN, 15.0, "rain")
 
 
 def people_pictures(width: int, height: int) -> dict[str, NDArray[np.uint8]]:
-    """Pictures of the sheet by their names, 36 in all."""
+    """Pictures of the sheet by their names, 42 in all."""
     return pictures_of(list(_shots()), _mesh, width, height)
 
 

@@ -7,16 +7,18 @@ there run out. When all places have run out, the plan says what a shortfall mean
 from __future__ import annotations
 
 import difflib
+import itertools
 import logging
 import math
 import random
-from typing import Any, Iterator, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
 import carla
 
 from carstage.collector.crosswalks import crossing_ways, crosswalks
 from carstage.collector.internals.errors import SceneError
 from carstage.collector.maps import spawn_points
+from carstage.collector.sidewalks import abreast, group_sizes
 from carstage.collector.world import WorldSession
 from carstage.spec import EpisodeSpec, GroupSpec
 from carstage.spec.road_users import ALL_GENERATIONS
@@ -45,13 +47,15 @@ _log = logging.getLogger(__name__)
 class Walker(NamedTuple):
     """A pedestrian, the AI controller that moves it, how fast and where it goes.
 
-    The target is a ``carla.Location``; None: chosen when it starts.
+    The target is a ``carla.Location``; None: chosen when it starts. The leader is the actor id of
+    whom it goes with; None: it goes alone, or leads.
     """
 
     actor: Any
     controller: Any
     speed_m_s: float
     target: Any = None
+    leader: Optional[int] = None
 
 
 def find_blueprint(library: Any, name: str, path: str) -> Any:
@@ -154,31 +158,67 @@ def spawn_walkers(session: WorldSession, spec: EpisodeSpec, start: Any) -> List[
     world.set_pedestrians_seed(spec.seeds.walkers)
     world.set_pedestrians_cross_factor(plan.crossing_percent / 100.0)
     blueprints = _matching(world, plan.group, "pedestrians", "walker.")
-    controller_blueprint = world.get_blueprint_library().find("controller.ai.walker")
+    grown = [one for one in blueprints if not _is(one, "age", "child")] or blueprints
+    sits = random.Random("%d wheelchairs" % spec.seeds.walkers)
     walkers: List[Walker] = []
-    for place, target in _walker_ways(session, spec, start, walkers):
-        if len(walkers) == plan.group.count:
+    for ways in _walker_ways(session, spec, start, walkers):
+        room = plan.group.count - len(walkers)
+        if not room:
             break
-        blueprint = rng.choice(blueprints)
-        if blueprint.has_attribute("is_invincible"):
-            blueprint.set_attribute("is_invincible", "false")
-        speed_m_s = _speed_m_s(blueprint, rng, rng.random() < plan.running_percent / 100.0)
-        place.z += 1.0
-        actor = session.try_spawn(blueprint, carla.Transform(place))
-        if actor is None:
-            continue
-        session.destroy_on_exit("walker %d" % actor.id, actor)
-        controller = world.spawn_actor(controller_blueprint, carla.Transform(), actor)
-        session.destroy_on_exit("controller %d" % controller.id, controller)
-        walkers.append(Walker(actor, controller, speed_m_s, target))
+        together: List[Walker] = []
+        for place, target in ways[:room]:
+            # A child may go with somebody, and does not lead.
+            blueprint = rng.choice(blueprints if together or len(ways) == 1 else grown)
+            runs = rng.random() < plan.running_percent / 100.0 and len(ways) == 1
+            speed_m_s = _speed_m_s(blueprint, rng, runs)
+            _seat(blueprint, not runs and sits.random() < plan.wheelchair_percent / 100.0)
+            walker = _spawn_walker(session, blueprint, place)
+            if walker is not None:
+                together.append(walker._replace(speed_m_s=speed_m_s, target=target))
+        walkers += _in_step(together)
     _check_shortfall("pedestrians", plan.group.count, len(walkers), plan.shortfall)
     return walkers
 
 
+def _seat(blueprint: Any, sits: bool) -> None:
+    """Put who can use a wheelchair into one, or out of one; servers before 0.9.16 have none."""
+    if _is(blueprint, "can_use_wheelchair", "true"):
+        blueprint.set_attribute("use_wheelchair", "true" if sits else "false")
+
+
+def _spawn_walker(session: WorldSession, blueprint: Any, place: Any) -> Optional[Walker]:
+    """A walker and its controller; None where something is in the way."""
+    world = session.world
+    if blueprint.has_attribute("is_invincible"):
+        blueprint.set_attribute("is_invincible", "false")
+    place.z += 1.0
+    actor = session.try_spawn(blueprint, carla.Transform(place))
+    if actor is None:
+        return None
+    session.destroy_on_exit("walker %d" % actor.id, actor)
+    kind = world.get_blueprint_library().find("controller.ai.walker")
+    controller = world.spawn_actor(kind, carla.Transform(), actor)
+    session.destroy_on_exit("controller %d" % controller.id, controller)
+    return Walker(actor, controller, WALKING_M_S)
+
+
+def _in_step(together: Sequence[Walker]) -> List[Walker]:
+    """Who walks together is as fast as the slowest, and goes with the first."""
+    speed_m_s = min((walker.speed_m_s for walker in together), default=0.0)
+    return [
+        walker._replace(
+            speed_m_s=speed_m_s, leader=together[0].actor.id if number else walker.leader
+        )
+        for number, walker in enumerate(together)
+    ]
+
+
 def _walker_ways(
     session: WorldSession, spec: EpisodeSpec, start: Any, walkers: Sequence[Walker]
-) -> Iterator[Tuple[Any, Any]]:
-    """Where walkers begin and where they go to; the share that crosses comes first.
+) -> Iterator[List[Tuple[Any, Any]]]:
+    """Where walkers begin and where they go to, of each group or one alone.
+
+    The share that crosses comes first, then the groups.
 
     Args:
         session: the episode's world.
@@ -195,9 +235,19 @@ def _walker_ways(
         for way in crossing_ways(crosswalks(session.map), drawn, start, rng):
             if len(walkers) == crossing:
                 break
-            yield way
-    for place in _walker_places(session, spec, start):
-        yield place, None
+            yield [way]
+    places = _walker_places(session, spec, start)
+    narrow: List[Any] = []
+    rng = random.Random("%d groups" % spec.seeds.walkers)
+    for size in group_sizes(round(plan.group.count * plan.in_groups_percent / 100.0), rng):
+        for place in places:
+            beside = abreast(session.map, place, size)
+            if beside:
+                yield [(one, None) for one in beside]
+                break
+            narrow.append(place)
+    for place in itertools.chain(narrow, places):
+        yield [(place, None)]
 
 
 def _walker_places(session: WorldSession, spec: EpisodeSpec, start: Any) -> Iterator[Any]:
@@ -221,10 +271,15 @@ def _is_near(place: Any, here: Any, radius_m: Optional[float]) -> bool:
 
 def start_walkers(session: WorldSession, walkers: List[Walker]) -> None:
     """Send the walkers on their ways; they must have been in a tick before."""
+    targets: Dict[int, Any] = {}
     for walker in walkers:
         walker.controller.start()
         session.on_exit("controller %d" % walker.controller.id, walker.controller.stop)
-        target = walker.target or session.world.get_random_location_from_navigation()
+        target = walker.target
+        if walker.leader is not None:
+            target = targets.get(walker.leader)
+        target = target or session.world.get_random_location_from_navigation()
+        targets[walker.actor.id] = target
         if target is not None:
             walker.controller.go_to_location(target)
         walker.controller.set_max_speed(walker.speed_m_s)
@@ -273,6 +328,8 @@ def _is(blueprint: Any, name: str, value: str) -> bool:
     attribute = blueprint.get_attribute(name)
     if attribute.type == carla.ActorAttributeType.Int:
         return str(attribute.as_int()) == value
+    if attribute.type == carla.ActorAttributeType.Bool:
+        return bool(attribute.as_bool()) == (value == "true")
     return str(attribute.as_str()).lower() == value.lower()
 
 

@@ -18,8 +18,9 @@ from carstage.collector.world import WorldSession
 
 BEFORE_KERB_M = 1.2
 """Beyond the end of a crosswalk a pedestrian begins to look."""
-ON_ROAD_M = 0.4
-"""Who has gone that far onto a crosswalk is on the road, and goes on."""
+ON_ROAD_M = 0.2
+"""Who has gone that far onto a crosswalk is on the road, and goes on; farther in, wide vehicles
+would touch who stands."""
 BESIDE_M = 0.7
 INWARD_M_S = 0.2
 LOOK_M = 70.0
@@ -164,6 +165,22 @@ class PedestrianRules:
             self._at_kerb[walker.actor.id] = waits
             vehicles = self._vehicles(snapshot) if vehicles is None else vehicles
             self._decide(walker, waits, vehicles)
+
+    def crosswalk_at(self, place: Any) -> Optional[Crosswalk]:
+        """The crosswalk on which a ``carla.Location`` is, or at whose kerb."""
+        for crosswalk in self._cells.get(_cell(place.x, place.y), ()):
+            over_m, along_m = crosswalk.own(place.x, place.y)
+            if (
+                abs(over_m) < crosswalk.half_m + BEFORE_KERB_M
+                and abs(along_m) < crosswalk.half_width_m + BESIDE_M
+            ):
+                return crosswalk
+        return None
+
+    def holds(self, number: int) -> bool:
+        """Whether a pedestrian, by its id, stands at a kerb."""
+        waits = self._at_kerb.get(number)
+        return waits is not None and waits.stands
 
     def _decide(self, walker: Walker, waits: _AtKerb, vehicles: Sequence[Moving]) -> None:
         waited_s = self._time_s - waits.since_s

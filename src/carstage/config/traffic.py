@@ -132,6 +132,16 @@ class Pedestrians(Section):
         "Crossing",
         "Share that crosses the road at crosswalks near the ego; on CARLA's maps also elsewhere.",
     )
+    in_groups_percent: float = _share(
+        PedestriansSpec.in_groups_percent,
+        "In groups",
+        "Share that walks side by side in pairs and threes, each group to one goal.",
+    )
+    wheelchair_percent: float = _share(
+        PedestriansSpec.wheelchair_percent,
+        "In wheelchairs",
+        "Share, of those whose blueprint can use one, that sits in a wheelchair; CARLA 0.9.16 on.",
+    )
     shortfall: Shortfall = _shortfall("more places on the sidewalks")
 
 

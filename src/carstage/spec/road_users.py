@@ -93,6 +93,8 @@ class PedestriansSpec:
     running_percent: float = 0.0
     crossing_percent: float = 0.0
     shortfall: str = "warn"
+    in_groups_percent: float = field(default=0.0, metadata=LEFT_OUT)
+    wheelchair_percent: float = field(default=0.0, metadata=LEFT_OUT)
 
     @classmethod
     def read(cls, fields: Fields) -> PedestriansSpec:
@@ -105,6 +107,8 @@ class PedestriansSpec:
             running_percent=_percent(fields, "running_percent"),
             crossing_percent=_percent(fields, "crossing_percent"),
             shortfall=_shortfall(fields),
+            in_groups_percent=_percent(fields, "in_groups_percent"),
+            wheelchair_percent=_percent(fields, "wheelchair_percent"),
         )
 
     @property

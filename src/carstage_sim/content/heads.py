@@ -20,6 +20,14 @@ _SIDES = 12
 EYE = (0.075, 0.03, 0.010)
 """Place of an eye from the middle of a head: ahead, aside, up; metres of a figure of 1.8 m."""
 
+# Heights of an adult's head and what they are in a child's: the forehead takes room of the face.
+_HEIGHTS = (-0.30, -0.116, -0.066, -0.030, 0.010, 0.035, 0.100, 0.30)
+_YOUNG_HEIGHTS = (-0.30, -0.116, -0.080, -0.050, -0.014, 0.014, 0.100, 0.30)
+_YOUNG_SIZE = 0.36
+"""How much larger than an adult's the head of a small child is."""
+_NOSE = (0.086, 0.026)
+"""What is before this, and nearer to the middle than that, is the nose."""
+
 # Height from the middle of the head, half width, front, back.
 _SKULL = [
     (-0.116, 0.020, 0.076, -0.040), (-0.100, 0.042, 0.089, -0.010), (-0.066, 0.058, 0.088, 0.042),
@@ -27,6 +35,35 @@ _SKULL = [
     (0.074, 0.067, 0.081, 0.093), (0.104, 0.038, 0.044, 0.056),
 ]  # fmt: skip
 _WIDE, _FRONT, _BACK = (Curve([(row[0], row[column]) for row in _SKULL]) for column in (1, 2, 3))
+
+
+def _youth(size: float) -> float:
+    """0 for an adult's head, 1 for one of the size of a small child's."""
+    return min(max((size - 1.0) / _YOUNG_SIZE, 0.0), 1.0)
+
+
+def resized(points: Array, size: float) -> Array:
+    """Points of an adult's head ``(..., 3)`` in a head of another size.
+
+    Children have low and wide faces, broad cheeks and small noses and chins.
+    """
+    youth = _youth(size)
+    if youth == 0.0:
+        return points * size
+    x, y, z = np.moveaxis(points, -1, 0)
+    low = np.interp(z, _HEIGHTS, _YOUNG_HEIGHTS)
+    cheeks = np.interp(z, (-0.116, -0.066, -0.01, 0.10), (0.05, 0.16, 0.09, 0.05))
+    nose = (x > _NOSE[0]) & (np.abs(y) < _NOSE[1]) & (z < 0.03) & (z > -0.05)
+    ahead = np.where(nose, _NOSE[0] + 0.5 * (x - _NOSE[0]), x)
+    ahead -= np.interp(z, (-0.116, -0.085), (0.010, 0.0)) * (x > 0.0)
+    young = np.stack([ahead, y * (1.0 + cheeks), low], axis=-1)
+    moved: Array = (points + youth * (young - points)) * size
+    return moved
+
+
+def eye_at(size: float) -> Array:
+    """Place of an eye in a head of a size, as :data:`EYE`."""
+    return resized(np.array(EYE), size)
 
 
 def _skin(height: Array, angle: Array, grown: float = 0.0) -> Array:
@@ -48,27 +85,29 @@ def add_head(parts: Parts, hair: Hair, cover: Material, size: float) -> None:
     angle = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
     rings = np.stack([_skin(np.full(_SIDES, row[0]), angle) for row in _SKULL])
     # The back of the lowest rings is in front of the neck.
-    _loft(parts, rings * size, Material.SKIN)
+    _loft(parts, rings, size, Material.SKIN)
     _add_face(parts, size)
     for sign in () if hair in ("bob", "long", "scarf") else (-1.0, 1.0):
         ear = np.array([(-0.012, 0.066, -0.034), (-0.004, 0.074, -0.012), (-0.010, 0.076, 0.018),
                         (-0.024, 0.066, 0.012)])  # fmt: skip
         rim = ear + np.array([-0.016, 0.012, 0.002])
         both = np.stack([ear, rim]) * np.array([1.0, sign, 1.0])
-        _loft(parts, both * size, Material.SKIN, capped=True)
+        _loft(parts, both, size, Material.SKIN, capped=True)
     _add_hair(parts, hair, cover, size)
 
 
 def _loft(
-    parts: Parts, rings: Array, material: object, *, closed: bool = True, capped: bool = True
-) -> None:
-    parts.loft([_HEAD] * len(rings), rings, np.asarray(material), closed=closed, capped=capped)
+    parts: Parts, rings: Array, size: float, material: object, *, closed: bool = True,
+    capped: bool = True,
+) -> None:  # fmt: skip
+    points = resized(rings, size)
+    parts.loft([_HEAD] * len(rings), points, np.asarray(material), closed=closed, capped=capped)
 
 
 def _add_face(parts: Parts, size: float) -> None:
     def patch(ys: list[float], zs: list[list[float]], above: float, material: Material) -> None:
         y = np.broadcast_to(np.array(ys), (len(zs), len(ys)))
-        _loft(parts, _face(y, np.array(zs), above) * size, material, closed=False, capped=False)
+        _loft(parts, _face(y, np.array(zs), above), size, material, closed=False, capped=False)
 
     nose = np.array([
         [(0.084, -0.008, 0.022), (0.092, 0.0, 0.024), (0.084, 0.008, 0.022)],
@@ -76,13 +115,16 @@ def _add_face(parts: Parts, size: float) -> None:
         [(0.085, -0.018, -0.026), (0.112, 0.0, -0.028), (0.085, 0.018, -0.026)],
         [(0.085, -0.014, -0.036), (0.090, 0.0, -0.038), (0.085, 0.014, -0.036)],
     ])  # fmt: skip
-    _loft(parts, nose * size, Material.SKIN, closed=False, capped=False)
+    _loft(parts, nose, size, Material.SKIN, closed=False, capped=False)
     patch([-0.024, 0.0, 0.024], [[-0.067, -0.070, -0.067], [-0.064, -0.059, -0.064]], 0.004,
           Material.LIPS)  # fmt: skip
+    wide = 0.15 * _youth(size)
     for sign in (-1.0, 1.0):
-        eye = [sign * v for v in (0.018, 0.031, 0.045)]
+        eye, iris = (
+            [sign * (v + wide * (v - EYE[1])) for v in ys]
+            for ys in ((0.018, 0.031, 0.045), (0.0255, 0.0365))
+        )
         patch(eye, [[0.007, 0.000, 0.007], [0.010, 0.016, 0.010]], 0.0035, Material.SIGN_WHITE)
-        iris = [sign * v for v in (0.0255, 0.0365)]
         patch(iris, [[0.002, 0.002], [0.015, 0.015]], 0.0050, Material.RUBBER)
         brow = [sign * v for v in (0.014, 0.032, 0.051)]
         patch(brow, [[0.025, 0.030, 0.024], [0.032, 0.037, 0.029]], 0.0045, Material.HAIR)
@@ -129,7 +171,7 @@ def _shell(
         row[:, 2] = lift + min(grown, 0.010)
         rows.append(row)
     inner = rows[0] * np.array([0.93, 0.93, 1.0])
-    _loft(parts, np.stack([inner, *rows]) * size, material)
+    _loft(parts, np.stack([inner, *rows]), size, material)
 
 
 def _add_hair(parts: Parts, hair: Hair, cover: Material, size: float) -> None:
@@ -162,7 +204,7 @@ def _add_hair(parts: Parts, hair: Hair, cover: Material, size: float) -> None:
             np.stack([x + r * 0.7 * np.cos(around), r * np.sin(around), np.full(6, z)], axis=-1)
             for x, z, r in rows
         ]
-        _loft(parts, np.stack(rings) * size, own)
+        _loft(parts, np.stack(rings), size, own)
     elif hair == "cap":
         _shell(parts, (0.052, 0.040, 0.020), 0.014, cover, size)
         peak = np.array(
@@ -171,7 +213,7 @@ def _add_hair(parts: Parts, hair: Hair, cover: Material, size: float) -> None:
                 [(0.135, -0.045, 0.044), (0.158, 0.0, 0.044), (0.135, 0.045, 0.044)],
             ]
         )
-        _loft(parts, peak * size, cover, closed=False, capped=False)
+        _loft(parts, peak, size, cover, closed=False, capped=False)
     elif hair == "beanie":
         _shell(parts, (0.046, 0.022, -0.010), 0.016, cover, size)
     elif hair == "hat":
@@ -186,7 +228,7 @@ def _add_hair(parts: Parts, hair: Hair, cover: Material, size: float) -> None:
             np.stack([deep * np.cos(angle), wide * np.sin(angle), np.full(_SIDES, z)], axis=-1)
             for z, wide, deep in rows
         ]
-        _loft(parts, np.stack(rings) * size, cover)
+        _loft(parts, np.stack(rings), size, cover)
     elif hair == "helmet":
         _shell(parts, (0.050, 0.018, 0.006), 0.022, cover, size)
 
@@ -198,7 +240,7 @@ def _add_hat(parts: Parts, cover: Material, size: float, *, brim_m: float) -> No
     brim = [_skin(np.full(_SIDES, 0.055), angle, more) for more in (0.008, brim_m, 0.0)]
     brim[1][:, 2] = 0.055 - 0.15 * brim_m
     brim[2][:, 2] = 0.050
-    _loft(parts, np.stack(brim) * size, cover, capped=False)
+    _loft(parts, np.stack(brim), size, cover, capped=False)
 
 
 def _ball(
@@ -210,4 +252,4 @@ def _ball(
         wide = radius * float(np.sqrt(1 - lift * lift))
         ring = [wide * np.cos(around), wide * np.sin(around), np.full(7, lift * radius)]
         rings.append(np.stack(ring, axis=-1) + np.array(middle))
-    _loft(parts, np.stack(rings) * size, material)
+    _loft(parts, np.stack(rings), size, material)

@@ -15,6 +15,8 @@ SMALL_CHILDREN = (9, 10, 11, 48, 49)
 CHILDREN = (12, 13, 14)
 POLICE = (30, 32)
 ELDERLY = (20, 27, 34, 42, 46)
+WALKING_ONLY = (*SMALL_CHILDREN, *CHILDREN, *POLICE, 42, 43, 44, 50)
+"""Who cannot use a wheelchair: CARLA 0.9.16 has one for most, not for children and police."""
 FEMALE = (1, 5, 6, 7, 8, 9, 10, 11, 15, 19, 20, 22, 23, 24, 25, 31, 33, 35, 36, 37, 40, 41, 48)
 
 _BAG = Material.BAG

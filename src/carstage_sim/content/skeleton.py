@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from carstage_sim.content.heads import EYE
+from carstage_sim.content.heads import eye_at
 from carstage_sim.content.lofting import Array
 from carstage_sim.content.posing import Pose
 from carstage_sim.content.walking import head_size, size_m
@@ -88,7 +88,7 @@ def component_from_bones(joints: Pose, half_height_m: float) -> Transforms:
     lift = up * half_height_m
     trunk = joints.neck - joints.pelvis
     neck_up = (joints.head - joints.neck) / np.linalg.norm(joints.head - joints.neck)
-    head_unit = unit * head_size(size_m((0.0, 0.0, half_height_m)))
+    eye_x, eye_y, eye_z = unit * eye_at(head_size(size_m((0.0, 0.0, half_height_m))))
     head = joints.head - neck_up * _HEAD_JOINT_M * unit
     found: Transforms = {"crl_root": np.eye(4)}
 
@@ -102,7 +102,7 @@ def component_from_bones(joints: Pose, half_height_m: float) -> Transforms:
     put("crl_Head__C", head, neck_up, ahead)
     for index, side in enumerate("LR"):
         outward = np.array([0.0, -1.0 if side == "L" else 1.0, 0.0])
-        eye = joints.head + (EYE[0] * ahead + EYE[1] * outward + EYE[2] * up) * head_unit
+        eye = joints.head + eye_x * ahead + eye_y * outward + eye_z * up
         put(f"crl_eye__{side}", eye, ahead, up)
         shoulder, elbow, hand = (
             limb[index] for limb in (joints.shoulder, joints.elbow, joints.hand)

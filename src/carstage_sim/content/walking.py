@@ -136,8 +136,8 @@ class _Body:
 
 def _placed(body: _Body, size: float, head: float, stoop: float) -> Pose:
     unit = size / 1.80
-    # A larger head takes its room from the trunk.
-    down = 0.235 * (head - 1.0)
+    # A larger head takes its room from the neck and the trunk.
+    down = 0.195 * (head - 1.0)
     pelvis = (body.hips[0] + body.hips[1]) / 2 + np.array([0.0, 0.0, 0.03])
     drop = pelvis[2] - 0.955
     lean = body.lean
@@ -262,14 +262,26 @@ def _foot_on_ground(manner: _Manner, turn: float) -> tuple[float, float, float]:
 
 
 def _knee(hip: Array, ankle: Array) -> Array:
-    """The knee of a leg that bends forward; a leg that is too short is straight."""
-    leg = ankle - hip
-    length = float(np.linalg.norm(leg))
-    along = leg / length
-    ahead = np.array([1.0, 0.0, 0.0]) - along[0] * along
-    ahead = ahead / np.linalg.norm(ahead)
-    reach = min(length, _THIGH + _SHIN - 1e-6)
-    part = (_THIGH**2 - _SHIN**2 + reach**2) / (2.0 * reach)
-    out = math.sqrt(max(_THIGH**2 - part**2, 0.0))
-    knee: Array = hip + along * part * (length / reach) + ahead * out
-    return knee
+    """The knee of a leg that bends forward."""
+    return joint_between(hip, ankle, (_THIGH, _SHIN), np.array([1.0, 0.0, 0.0]))
+
+
+def joint_between(start: Array, end: Array, lengths: tuple[float, float], toward: Array) -> Array:
+    """The middle joint of a limb that bends towards a side; one that is too short is straight.
+
+    Args:
+        start, end: ``(3,)`` the outer joints.
+        lengths: of both bones, in the unit of the places.
+        toward: ``(3,)`` where the joint stands out to.
+    """
+    limb = end - start
+    length = float(np.linalg.norm(limb))
+    along = limb / length
+    out = toward - (toward * along).sum() * along
+    out = out / np.linalg.norm(out)
+    upper, lower = lengths
+    reach = min(length, upper + lower - 1e-6)
+    part = (upper**2 - lower**2 + reach**2) / (2.0 * reach)
+    away = math.sqrt(max(upper**2 - part**2, 0.0))
+    joint: Array = start + along * part * (length / reach) + out * away
+    return joint

@@ -19,6 +19,7 @@ from carstage_sim.content.props import prop_mesh
 from carstage_sim.content.street_furniture import traffic_light_mesh
 from carstage_sim.content.vehicles import vehicle_mesh
 from carstage_sim.content.walking import PHASES, WALK_PHASES
+from carstage_sim.content.wheelchairs import wheelchair_mesh, wheelchair_meshes
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.town import Town
@@ -29,12 +30,14 @@ from carstage_sim.world.blueprints import Blueprint, catalogue
 from carstage_sim.world.blueprints.props import has_shape
 from carstage_sim.world.columns import Rotation
 from carstage_sim.world.state import ActorKind, WorldState
-from carstage_sim.world.walkers.gait import walk_phase
+from carstage_sim.world.walkers.gait import roll_phase, walk_phase
 
 _POSED = 256
 """Figures posed by clients whose joints are kept until their meshes are made."""
 _UMBRELLA = "+umbrella"
 """Ends the figure in the keys of who has an open umbrella."""
+WHEELCHAIR = "+wheelchair"
+"""Ends the blueprint and the figure of who sits in one."""
 _RAIN_PERCENT = 10.0
 """Precipitation above which umbrellas are open."""
 _BARE_STEEL = (152, 156, 160)
@@ -94,12 +97,17 @@ class ActorModels:
         self.mesh: Callable[[str], TriangleMesh] = meshes if meshes is not None else stored
 
     def keys_of(self, type_id: str) -> tuple[str, ...]:
-        """Model keys that an actor of a blueprint begins with; none if it has no shape."""
-        blueprint = self._catalogue.get(type_id)
+        """Model keys that an actor of a blueprint begins with; none if it has no shape.
+
+        Args:
+            type_id: blueprint id, followed by :data:`WHEELCHAIR` where it sits in one.
+        """
+        name, mark, _ = type_id.partition(WHEELCHAIR)
+        blueprint = self._catalogue.get(name)
         if blueprint is None:
             return ()
         if blueprint.kind == ActorKind.WALKER:
-            return self.beside(f"{self._carried(type_id)}{QUICK}0")
+            return self.beside(f"{self._carried(name, sits=bool(mark))}{QUICK}0")
         shown = blueprint.kind == ActorKind.VEHICLE or has_shape(type_id)
         return (type_id,) if shown else ()
 
@@ -150,16 +158,22 @@ class ActorModels:
         return found
 
     def _walker_key(self, state: WorldState, row: int) -> str:
-        joints = state.figures.get(int(state.actor_id[row]))
+        actor_id, type_id = int(state.actor_id[row]), state.type_id[row]
+        joints = state.figures.get(actor_id)
+        sits = actor_id in state.wheelchairs
+        phase = self._phase(state, row, sits=sits)
         if joints is None:
-            return f"{self._carried(state.type_id[row])}{QUICK}{self._phase(state, row)}"
+            return f"{self._carried(type_id, sits=sits)}{QUICK}{phase}"
         digest = hashlib.sha256(b"".join(np.asarray(j).tobytes() for j in astuple(joints)))
-        key = f"{self._figure(state.type_id[row])}{PASSING}{digest.hexdigest()[:16]}"
+        figure = self._figure(type_id) + (f"{WHEELCHAIR}{phase}" if sits else "")
+        key = f"{figure}{PASSING}{digest.hexdigest()[:16]}"
         self._posed = {**self._posed, key: joints} if len(self._posed) < _POSED else {key: joints}
         return key
 
-    def _carried(self, type_id: str) -> str:
-        """The figure of a blueprint, with an umbrella if it rains and it has one."""
+    def _carried(self, type_id: str, *, sits: bool) -> str:
+        """The figure of a blueprint: in a wheelchair, or with its umbrella if it rains."""
+        if sits:
+            return self._figure(type_id) + WHEELCHAIR
         opens = self._raining and has_umbrella(type_id)
         return self._figure(type_id) + (_UMBRELLA if opens else "")
 
@@ -174,7 +188,13 @@ class ActorModels:
             self._figures[type_id] = known
         return known
 
-    def _phase(self, state: WorldState, row: int) -> int:
+    def _phase(self, state: WorldState, row: int, *, sits: bool) -> int:
+        if sits:
+            return roll_phase(
+                int(state.actor_id[row]),
+                state.location[row],
+                float(state.rotation_deg[row, Rotation.YAW]),
+            )
         blueprint = self._catalogue.get(state.type_id[row])
         return walk_phase(
             int(state.actor_id[row]),
@@ -201,6 +221,9 @@ class ActorModels:
             name, _, picture = key.partition(PASSING)
             if has_shape(name):
                 return _with_picture(prop_mesh(name, self._catalogue[name].box_extent), picture)
+            figure, mark, phase = name.partition(WHEELCHAIR)
+            if mark:
+                return wheelchair_mesh(figure, self._posed[key], int(phase))
             return pedestrian_mesh(name, self._catalogue[name].box_extent, self._posed[key])
         if QUICK in key:
             return self._walking_mesh(key)
@@ -216,11 +239,14 @@ class ActorModels:
         """The mesh of a phase; those beside it are made with it, as they are asked for next."""
         if key not in self._walking:
             figure, _, _ = key.partition(QUICK)
-            name = figure.removesuffix(_UMBRELLA)
             keys = self.beside(key)
             phases = [int(one.partition(QUICK)[2]) for one in keys]
-            extent, opens = self._catalogue[name].box_extent, figure != name
-            meshes = walking_meshes(name, extent, phases, umbrella=opens)
+            name, _, _ = figure.partition("+")
+            if figure.endswith(WHEELCHAIR):
+                meshes = wheelchair_meshes(name, phases)
+            else:
+                extent, opens = self._catalogue[name].box_extent, figure.endswith(_UMBRELLA)
+                meshes = walking_meshes(name, extent, phases, umbrella=opens)
             self._walking = dict(zip(keys, meshes, strict=True))
         return self._walking.pop(key)
 

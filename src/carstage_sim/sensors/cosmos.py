@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage_sim.content.wheelchairs import EXTENT
 from carstage_sim.geometry import pose_matrix, rotation_matrix
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.town import Town
@@ -87,7 +88,9 @@ class CosmosCamera(CameraSensor):
                 continue
             matrix = pose_matrix(state.location[row], state.rotation_deg[row])
             colour = _VEHICLE if kind == ActorKind.VEHICLE else _WALKER
-            parts.append(_box(matrix, blueprint.box_center, blueprint.box_extent, colour))
+            sits = int(state.actor_id[row]) in state.wheelchairs
+            extent = EXTENT if sits else blueprint.box_extent
+            parts.append(_box(matrix, blueprint.box_center, extent, colour))
         ends, width, colours = zip(*parts, strict=True)
         return np.concatenate(ends), np.concatenate(width), np.concatenate(colours)
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.world.blueprints import Blueprint
+from carstage_sim.world.blueprints.walkers import uses_wheelchair
 from carstage_sim.world.controls import (
     STANDING,
     AckermannSettings,
@@ -102,6 +103,11 @@ class Actor:
     bones: BonePose | None = None
 
     @property
+    def uses_wheelchair(self) -> bool:
+        """Whether it is a walker in a wheelchair."""
+        return self.kind is ActorKind.WALKER and uses_wheelchair(self.attributes)
+
+    @property
     def colour(self) -> tuple[int, int, int]:
         """Paint colour, black for none."""
         parts = self.attributes.get("color", "").split(",")
@@ -117,6 +123,7 @@ class ActorTable:
     Attributes:
         location, rotation_deg, velocity, angular_velocity_deg, acceleration: ``(N, 3)`` float64 in
             the world, one row per actor. Commands and dynamics write them in place.
+        wheelchairs: ids of the walkers in wheelchairs.
     """
 
     def __init__(self) -> None:
@@ -133,6 +140,7 @@ class ActorTable:
         self.kind: NDArray[np.uint8] = np.zeros(0, np.uint8)
         self.colour: NDArray[np.uint8] = np.zeros((0, 3), np.uint8)
         self.type_id: tuple[str, ...] = ()
+        self.wheelchairs: frozenset[int] = frozenset()
 
     def __len__(self) -> int:
         return len(self._actors)
@@ -215,3 +223,4 @@ class ActorTable:
         self._rows_of_kind = {kind: np.flatnonzero(self.kind == kind) for kind in ActorKind}
         self.colour = np.array([a.colour for a in actors], np.uint8).reshape(-1, 3)
         self.type_id = tuple(actor.type_id for actor in actors)
+        self.wheelchairs = frozenset(a.actor_id for a in actors if a.uses_wheelchair)

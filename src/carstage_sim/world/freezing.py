@@ -95,6 +95,7 @@ def freeze(world: World, sites: SiteColumns, delta_s: float) -> Snapshot:
         wheel_angle_deg=wheel_angle_deg,
         collisions=world.collisions,
         figures=_posed_figures(world),
+        wheelchairs=table.wheelchairs,
         doors=_open_doors(world),
         town_changes=world.town_changes(),
         debug_shapes=world.debug_drawing.frame,

@@ -97,6 +97,7 @@ class WorldState:
         town_changes: what clients changed about the town, None for nothing and all lamps off.
         debug_shapes: what clients drew, None for nothing.
         figures: joints of the walkers that clients pose, by actor id.
+        wheelchairs: ids of the walkers in wheelchairs.
         transmissions: what V2X sensors send in this frame, by ascending sensor ids.
     """
 
@@ -121,4 +122,5 @@ class WorldState:
     town_changes: TownChanges | None = None
     debug_shapes: DebugShapes | None = None
     figures: Mapping[int, Joints] = field(default_factory=dict)
+    wheelchairs: frozenset[int] = frozenset()
     transmissions: tuple[Transmission, ...] = ()

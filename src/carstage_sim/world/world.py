@@ -20,6 +20,7 @@ from carstage_sim.world.actors import Actor, ActorTable, VehicleStatus
 from carstage_sim.world.arm_probe import ArmProbe
 from carstage_sim.world.attachments import Attachments
 from carstage_sim.world.blueprints import Blueprint, catalogue
+from carstage_sim.world.blueprints.walkers import seated
 from carstage_sim.world.contacts.overlap import is_blocked
 from carstage_sim.world.controls import (
     STANDING,
@@ -250,11 +251,12 @@ class World:
         if parent_id and attachment.socket:
             self._check_socket(parent_id, attachment.socket)
         placed = compose(self.actors.pose(parent_id), pose) if parent_id else pose
+        merged = _merged(blueprint, attributes)
+        blueprint = seated(blueprint, merged)
         solid = blueprint.kind in (ActorKind.VEHICLE, ActorKind.WALKER)
         free = parent_id or wanted_id
         if solid and not free and is_blocked(self.actors, blueprint, placed):
             raise SpawnError(COLLISION_TEXT)
-        merged = _merged(blueprint, attributes)
         if self._before_spawn is not None:
             self._before_spawn(type_id, merged)
         self._next_actor_id = max(self._next_actor_id, wanted_id)

@@ -53,6 +53,8 @@ WHOLE: dict[str, Any] = {
         "filter": "walker.*",
         "running_percent": 20.0,
         "crossing_percent": 5.0,
+        "in_groups_percent": 40.0,
+        "wheelchair_percent": 2.0,
         "shortfall": "warn",
     },
     "traffic": {

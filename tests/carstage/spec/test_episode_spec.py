@@ -80,6 +80,8 @@ def test_a_stationary_ego_is_read_by_both_names_and_keeps_its_id(word: str) -> N
         ({"traffic": {"ignore_lights_percent": 101}}, r"ignore_lights_percent: 101 is out of ra"),
         ({"traffic": {"distance_m": [0, "far"]}}, r"spec\.traffic\.distance_m\[1\]: must be a nu"),
         ({"pedestrians": {"running_percent": -1}}, r"running_percent: -1 is out of range"),
+        ({"pedestrians": {"in_groups_percent": 101}}, r"in_groups_percent: 101 is out of range"),
+        ({"pedestrians": {"wheelchair_percent": -1}}, r"wheelchair_percent: -1 is out of range"),
         ({"weather": {"changes": CHANGES}}, r"spec\.weather\.changes\[1\]\.at_s: must be above 2"),
         ({"scenario": {"kind": "route", "through": []}}, r"spec\.scenario\.through: is empty"),
         ({"scenario": {"kind": "route", "through": [-1]}}, r"through\[0\]: -1 is out of range"),

@@ -243,6 +243,38 @@ def test_the_old_are_grey_and_children_have_larger_heads():
     assert shares[0] > 1.1 * shares[1]
 
 
+@pytest.mark.parametrize(("name", "heads"), [("0009", 5.5), ("0012", 6.2), ("0001", 7.4)])
+def test_bodies_are_so_many_heads_tall_as_those_of_their_age(name, heads):
+    name = f"walker.pedestrian.{name}"
+    extent = catalogue()[name].box_extent
+    mesh = walking(name, extent, 0)
+    skin = mesh.vertices[np.unique(mesh.triangles[mesh.material == Material.SKIN])]
+    head = walking_joints(name, extent, 0).head
+    face = skin[(skin[:, 0] > head[0] + 0.065 * extent[2]) & (skin[:, 2] > head[2] - 0.2)]
+    chin = face[:, 2].min()
+    assert 2.0 * extent[2] / (mesh.bounds[1, 2] - chin) == pytest.approx(heads, abs=0.25)
+
+
+def test_children_have_low_wide_faces():
+    faces = {}
+    for name in ("walker.pedestrian.0011", "walker.pedestrian.0001"):
+        extent = catalogue()[name].box_extent
+        mesh = walking(name, extent, 0)
+        pose = walking_joints(name, extent, 0)
+        size = mesh.bounds[1, 2] - pose.head[2]
+        eyes = mesh.vertices[np.unique(mesh.triangles[mesh.material == Material.RUBBER])]
+        lips = mesh.vertices[np.unique(mesh.triangles[mesh.material == Material.LIPS])]
+        faces[extent[2]] = (
+            (eyes[:, 2].mean() - pose.head[2]) / size,
+            (eyes[:, 2].mean() - lips[:, 2].mean()) / size,
+            np.ptp(eyes[:, 1]) / size,
+        )
+    child, adult = (faces[half] for half in sorted(faces))
+    assert child[0] < adult[0] - 0.12
+    assert child[1] < adult[1]
+    assert child[2] > 1.05 * adult[2]
+
+
 def test_bytes_repeat():
     one, two = (walking(ONE, ADULT, 7) for _ in range(2))
     assert one.vertices.tobytes() == two.vertices.tobytes()

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from carstage_sim.content.people import has_umbrella
+from carstage_sim.content.posing import Pose as Joints
 from carstage_sim.content.walking import WALK_PHASES
+from carstage_sim.content.wheelchairs import EXTENT, seated_joints
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material, TriangleMesh
 from carstage_sim.sensors import actors
@@ -101,3 +103,30 @@ def test_umbrellas_are_open_while_it_rains(stage01, tmp_path, one):
     model(60.0)
     assert models.keys_of(one)[0] == rain, "what is spawned in rain is made with its umbrella"
     assert len(models.beside(rain)) == 1 + WALK_PHASES
+
+
+def test_wheelchairs_roll_are_made_when_they_are_spawned_and_stay_under_posed_bones(
+    stage01, tmp_path
+):
+    one = "walker.pedestrian.0001"
+    models = actors.ActorModels(stage01, cache=tmp_path)
+
+    def model(x: float, figures: dict[int, Joints] | None = None) -> str:
+        shown = state(
+            walkers=[(7, (x, 0.0, 1.0), 0.0), (8, (0.0, 9.0, 1.0), 0.0)],
+            weather=Weather(0.0, 60.0),
+        )
+        changed = replace(shown, wheelchairs=frozenset({7}), figures=figures or {})
+        sits, stands = models.placements(changed)
+        assert stands.model in models.keys_of(one)
+        return sits.model
+
+    made = models.keys_of(one + actors.WHEELCHAIR)
+    keys = [model(0.1 * step) for step in range(12)]
+    assert set(keys) <= set(made)
+    assert len(set(keys)) == 12
+    posed = model(0.0, {7: seated_joints(3)})
+    for key in (keys[0], posed):
+        mesh = models.mesh(key)
+        assert np.abs(mesh.bounds).max(axis=0) == pytest.approx(EXTENT, abs=0.03)
+        assert Material.RIM in mesh.material

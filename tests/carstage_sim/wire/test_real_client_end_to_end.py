@@ -289,7 +289,7 @@ def test_batch_spawns_drives_refuses_and_destroys(simulator: RunningSimulator) -
     assert found["left"] == 0
 
 
-def trial_of_walkers(port: int) -> list[tuple[float, float, float]]:
+def trial_of_walkers(port: int) -> list[tuple[float, float, float, str]]:
     client, world = connect(port)
     from carla import Transform, command
 
@@ -298,7 +298,9 @@ def trial_of_walkers(port: int) -> list[tuple[float, float, float]]:
     walkers = []
     while len(walkers) < 3:
         place = Transform(world.get_random_location_from_navigation())
-        walker = world.try_spawn_actor(library.find("walker.pedestrian.0001"), place)
+        kind = library.find("walker.pedestrian.0001")
+        kind.set_attribute("use_wheelchair", "false" if walkers else "true")
+        walker = world.try_spawn_actor(kind, place)
         if walker is not None:
             walkers.append(walker)
     world.tick()
@@ -315,16 +317,23 @@ def trial_of_walkers(port: int) -> list[tuple[float, float, float]]:
     for _ in range(60):
         world.tick()
     return [
-        (walker.get_velocity().length(), walker.get_location().z, walker.bounding_box.extent.z)
+        (
+            walker.get_velocity().length(),
+            walker.get_location().z,
+            walker.bounding_box.extent.z,
+            walker.attributes["use_wheelchair"],
+        )
         for walker in walkers
     ]
 
 
-def test_walkers_under_the_clients_navigation_walk_with_their_feet_on_the_ground(
+def test_walkers_under_the_clients_navigation_walk_and_roll_on_the_ground(
     simulator: RunningSimulator,
 ) -> None:
     walkers = run_trial(trial_of_walkers, simulator.port, timeout_s=60)
-    speeds, middles, half_heights = zip(*walkers, strict=True)
+    speeds, middles, half_heights, wheelchairs = zip(*walkers, strict=True)
+    assert wheelchairs == ("true", "false", "false")
+    assert half_heights == pytest.approx((0.73, 0.93, 0.93), abs=1e-3)
     assert max(speeds) > 1.0
     assert max(speeds) < 1.6
     feet = [middle - half for middle, half in zip(middles, half_heights, strict=True)]

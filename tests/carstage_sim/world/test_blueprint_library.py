@@ -6,6 +6,7 @@ import re
 
 import pytest
 
+from carstage_sim.content.people import POLICE
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.world.blueprints import AttributeType, Blueprint, catalogue
 from carstage_sim.world.state import ActorKind
@@ -119,6 +120,19 @@ def test_an_unknown_attribute_is_named() -> None:
 
 def test_wheelchairs_may_be_asked_for_on_every_walker_as_carlas_example_does() -> None:
     for walker in WALKERS:
-        assert walker.attribute("can_use_wheelchair").value == "false"
+        can = walker.attribute("can_use_wheelchair")
+        assert not can.modifiable
         wish = walker.attribute("use_wheelchair")
-        assert (wish.modifiable, wish.restrict, wish.kept) == (True, False, False)
+        assert (wish.value, wish.modifiable, wish.restrict) == ("false", True, False)
+        # Who cannot use one stays on foot whatever a script sets.
+        assert wish.kept == (can.value == "true")
+        assert wish.recommended == (("false", "true") if wish.kept else ("false",))
+
+
+def test_most_grown_ups_can_use_a_wheelchair_children_and_police_cannot() -> None:
+    can = {w.id for w in WALKERS if w.attribute("can_use_wheelchair").value == "true"}
+    children = {w.id for w in WALKERS if w.attribute("age").value == "child"}
+    police = {f"walker.pedestrian.{number:04d}" for number in POLICE}
+    assert not can & (children | police)
+    assert "walker.pedestrian.0028" in can  # the one of CARLA's page
+    assert len(can) == 36

@@ -17,6 +17,7 @@ from carstage.collector.scenario import Population, Scenario, make_scenario
 from carstage.collector.scenario.events import EventRunner, check_map
 from carstage.collector.sensors.rig import Rig
 from carstage.collector.timing import CLOCKS, Clock, Tick
+from carstage.collector.walking_groups import WalkingGroups
 from carstage.collector.world import WorldSession
 from carstage.spec import EpisodeSpec, stream_of
 
@@ -74,6 +75,7 @@ class Scene:
         step_s: simulated time of a step.
         event_runner: what happens to the ego beside the scenario.
         pedestrian_rules: stops pedestrians at kerbs.
+        walking_groups: keeps those who walk together side by side.
         patches: pictures on boards.
     """
 
@@ -87,6 +89,7 @@ class Scene:
         step_s: float,
         event_runner: EventRunner,
         pedestrian_rules: PedestrianRules,
+        walking_groups: WalkingGroups,
         patches: Sequence[PlacedPatch] = (),
     ) -> None:
         self._session = session
@@ -95,6 +98,7 @@ class Scene:
         self._step_s = step_s
         self._event_runner = event_runner
         self._pedestrian_rules = pedestrian_rules
+        self._walking_groups = walking_groups
         self._parties = tuple(parties)
         self.ego: Any = population.ego
         self.patches = tuple(patches)
@@ -113,6 +117,7 @@ class Scene:
         self._scenario.before_step(tick)
         self._event_runner.before_step(tick)
         self._pedestrian_rules.before_step()
+        self._walking_groups.before_step()
         for party in self._parties:
             if party.driving is not None:
                 party.driving.before_step(tick)
@@ -212,10 +217,12 @@ def build_scene(
             parties[number] = parties[number]._replace(flight=flight)
     event_runner = EventRunner(session, spec, population, server.traffic_manager_port)
     rules = PedestrianRules(session, walkers, spec.step_s)
+    groups = WalkingGroups(session, walkers, spec.step_s, rules)
     patches = place_patches(session, spec, population, carriers)
     return Scene(
-        session, clock, scenario, parties, population, spec.step_s, event_runner, rules, patches
-    )
+        session, clock, scenario, parties, population, spec.step_s, event_runner, rules, groups,
+        patches,
+    )  # fmt: skip
 
 
 def _party(

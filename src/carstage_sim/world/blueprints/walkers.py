@@ -2,7 +2,18 @@
 
 from __future__ import annotations
 
-from carstage_sim.content.people import CHILDREN, COUNT, ELDERLY, FEMALE, SMALL_CHILDREN
+from collections.abc import Mapping
+from dataclasses import replace
+
+from carstage_sim.content.people import (
+    CHILDREN,
+    COUNT,
+    ELDERLY,
+    FEMALE,
+    SMALL_CHILDREN,
+    WALKING_ONLY,
+)
+from carstage_sim.content.wheelchairs import EXTENT
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.world.blueprints.model import Attribute, AttributeType, Blueprint
 from carstage_sim.world.state import ActorKind
@@ -11,6 +22,22 @@ from carstage_sim.world.vehicles.parameters import Vector3
 # Standing, walking and running, m/s.
 _ADULT_SPEEDS = ("0.0", "1.6", "2.6")
 _CHILD_SPEEDS = ("0.0", "1.1", "2.0")
+_USE = "use_wheelchair"
+
+
+def uses_wheelchair(attributes: Mapping[str, str]) -> bool:
+    """Whether a walker of these attributes sits in a wheelchair."""
+    return attributes.get(_USE, "").lower() == "true"
+
+
+def seated(blueprint: Blueprint, attributes: Mapping[str, str]) -> Blueprint:
+    """The blueprint of an actor with these attributes: the box of a wheelchair holds all of it.
+
+    CARLA 0.9.16 keeps the box of who stands (issue 9410); a later release has one for the chair.
+    """
+    if blueprint.kind != ActorKind.WALKER or not uses_wheelchair(attributes):
+        return blueprint
+    return replace(blueprint, box_extent=EXTENT)
 
 
 def _age(number: int) -> str:
@@ -32,6 +59,8 @@ def _pedestrian(number: int) -> Blueprint:
     age = _age(number)
     speeds = _CHILD_SPEEDS if age == "child" else _ADULT_SPEEDS
     text = AttributeType.STRING
+    can = number not in WALKING_ONLY
+    wishes = ("false", "true") if can else ("false",)
     return Blueprint(
         uid=0,
         id=f"walker.pedestrian.{number:04d}",
@@ -43,10 +72,10 @@ def _pedestrian(number: int) -> Blueprint:
             Attribute("generation", AttributeType.INT, "2", modifiable=False),
             Attribute("speed", AttributeType.FLOAT, speeds[0], speeds),
             Attribute("is_invincible", AttributeType.BOOL, "true", ("true",)),
-            Attribute("can_use_wheelchair", AttributeType.BOOL, "false", modifiable=False),
-            # Scripts set it on whoever has the attribute above, whatever its value; nobody here has
-            # a wheelchair, so it stays as it is.
-            Attribute("use_wheelchair", AttributeType.BOOL, "false", ("false",), kept=False),
+            Attribute("can_use_wheelchair", AttributeType.BOOL, str(can).lower(), modifiable=False),
+            # Scripts set it on whoever has the attribute above, whatever its value; of who cannot
+            # use a wheelchair it stays as it is.
+            Attribute(_USE, AttributeType.BOOL, "false", wishes, kept=can),
             Attribute("ros_name", text, f"walker.pedestrian.{number:04d}"),
         ),
         kind=ActorKind.WALKER,

@@ -17,12 +17,13 @@ from carstage_sim.content.skeleton import (
     joints_of,
     relative_transforms,
 )
+from carstage_sim.content.wheelchairs import seated_joints
 from carstage_sim.geometry import FloatArray, pose_matrix, rotation_deg
 from carstage_sim.world.actors import Actor, ActorTable
 from carstage_sim.world.columns import Rotation
 from carstage_sim.world.pose import Pose
 from carstage_sim.world.walkers.bone_pose import BonePose
-from carstage_sim.world.walkers.gait import walk_phase
+from carstage_sim.world.walkers.gait import roll_phase, walk_phase
 
 _KNOWN = frozenset(bone.name for bone in BONES)
 
@@ -106,14 +107,14 @@ def posed_joints(table: ActorTable, walker: Actor) -> Joints | None:
 
 def _animated(table: ActorTable, walker: Actor) -> Transforms:
     row = table.row(walker.actor_id)
-    phase = walk_phase(
-        walker.actor_id,
-        table.location[row],
-        float(table.rotation_deg[row, Rotation.YAW]),
-        table.velocity[row],
-        walker.box_extent,
-    )
-    joints = walking_joints(walker.type_id, walker.box_extent, phase)
+    location, yaw_deg = table.location[row], float(table.rotation_deg[row, Rotation.YAW])
+    if walker.uses_wheelchair:
+        joints = seated_joints(roll_phase(walker.actor_id, location, yaw_deg))
+    else:
+        phase = walk_phase(
+            walker.actor_id, location, yaw_deg, table.velocity[row], walker.box_extent
+        )
+        joints = walking_joints(walker.type_id, walker.box_extent, phase)
     return relative_transforms(component_from_bones(joints, walker.box_extent[2]))
 
 

@@ -13,6 +13,7 @@ from carstage_sim.content.walking import (
     size_m,
     stride_m,
 )
+from carstage_sim.content.wheelchairs import ROLL_PHASES, roll_m
 
 
 def walk_phase(
@@ -31,8 +32,17 @@ def walk_phase(
     gait = gait_at(size, float(np.hypot(velocity[0], velocity[1])))
     if gait == "stand":
         return 0
-    yaw = np.radians(yaw_deg)
-    way = location[0] * np.cos(yaw) + location[1] * np.sin(yaw)
-    turns = float(way) / stride_m(size, gait) + actor_id * 0.37
+    turns = _way_m(location, yaw_deg) / stride_m(size, gait) + actor_id * 0.37
     first, count = (0, WALK_PHASES) if gait == "walk" else (WALK_PHASES, RUN_PHASES)
     return first + 1 + int(turns % 1.0 * count) % count
+
+
+def roll_phase(actor_id: int, location: NDArray[np.float64], yaw_deg: float) -> int:
+    """Phase of who is in a wheelchair, whose wheels turn with the way along the heading."""
+    turns = _way_m(location, yaw_deg) / roll_m() + actor_id * 0.37
+    return 1 + int(turns % 1.0 * ROLL_PHASES) % ROLL_PHASES
+
+
+def _way_m(location: NDArray[np.float64], yaw_deg: float) -> float:
+    yaw = np.radians(yaw_deg)
+    return float(location[0] * np.cos(yaw) + location[1] * np.sin(yaw))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from carstage_sim.content.skeleton import BONES
+from carstage_sim.content.wheelchairs import EXTENT
 from carstage_sim.geometry import pose_matrix
 from carstage_sim.maps import Town
 from carstage_sim.world.actors import Actor
@@ -78,6 +79,35 @@ def test_body_parts_are_where_a_body_has_them(world: World, walker: Actor) -> No
     assert heights[-1] < height
     assert found["crl_hand__L"][1] < 0.0 < found["crl_hand__R"][1]
     assert found["crl_eye__L"][0] > found["crl_Head__C"][0]
+
+
+def test_who_sits_in_a_wheelchair_has_bones_and_a_box_that_sit(world: World, stage01: Town) -> None:
+    x, y, z, *_ = stage01.spawn_points[3].tolist()
+    pose = Pose((x, y, z + 1.0), (0.0, 50.0, 0.0))
+    sitting = world.spawn(WALKER, {"use_wheelchair": "true"}, pose)
+    world.tick(0.05)
+    assert sitting.attributes["use_wheelchair"] == "true"
+    assert sitting.box_extent == EXTENT
+    assert world.freeze(0.05).state.wheelchairs == {sitting.actor_id}
+    ground = world.actors.pose(sitting.actor_id).location[2] - EXTENT[2]
+    found = {name: bone.world.location[2] - ground for name, bone in bones(world, sitting).items()}
+    assert found["crl_foot__L"] < 0.2
+    assert found["crl_leg__L"] == pytest.approx(found["crl_thigh__L"], abs=0.05)
+    assert 1.1 < found["crl_eye__L"] < 1.4
+    pose_from_animation(world.actors, sitting)
+    pose_bones(sitting, (), blend=1.0)
+    assert sitting.actor_id in world.freeze(0.05).state.figures
+
+
+def test_who_cannot_use_a_wheelchair_stands_whatever_a_client_sets(
+    world: World, stage01: Town
+) -> None:
+    x, y, z, *_ = stage01.spawn_points[3].tolist()
+    child = world.spawn("walker.pedestrian.0009", {"use_wheelchair": "true"}, Pose((x, y, z + 1.0)))
+    assert child.attributes["use_wheelchair"] == "false"
+    assert child.box_extent[2] == 0.55
+    world.tick(0.05)
+    assert not world.freeze(0.05).state.wheelchairs
 
 
 def test_legs_swing_with_the_walk_and_rest_when_standing(world: World, walker: Actor) -> None:

@@ -22,7 +22,7 @@ from benchmarks.simulator.detectors.matching import (
     match,
     overlaps,
 )
-from benchmarks.simulator.detectors.packages import COCO_NAMES
+from benchmarks.simulator.detectors.packages import COCO_NAMES, YOLO
 from benchmarks.simulator.detectors.scenes import configuration
 from benchmarks.simulator.detectors.tiles import detect_on_tiles, tiles
 from carstage.errors import BadInputError
@@ -178,6 +178,18 @@ def test_a_darknet_network_is_read_from_its_two_files():
         DarknetDetector(config, weights[:-4])
     with pytest.raises(ValueError, match="crop"):
         DarknetDetector(f"{config}[crop]\nx=1\n", weights)
+
+
+def test_yolo_tiny_has_the_anchors_that_its_weights_were_trained_with():
+    config = (
+        "[net]\nwidth=32\nchannels=3\n[convolutional]\nfilters=18\nsize=1\nstride=1\npad=1\n"
+        "activation=linear\n[yolo]\nmask = 0,1,2\nanchors = 2,2, 8,4, 6,6, 4,8\nclasses=1\n"
+    )
+    weights = bytes(20 + 4 * (18 + 18 * 3))
+    (one, *_), _ = YOLO.make(config, weights).detect(np.zeros((32, 32, 3), np.float32))
+    assert (one[2:] - one[:2]).tolist() == pytest.approx([8, 4])
+    with pytest.raises(ValueError, match="mask"):
+        YOLO.make(config.replace("0,1,2", "1,2,3"), weights)
 
 
 def graph():

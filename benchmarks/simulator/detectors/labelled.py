@@ -89,7 +89,7 @@ def labelled_objects(objects: Mapping[int, Row], rows: Sequence[Row]) -> tuple[L
 def _labelled(kind: str, row: Row, rider: Sequence[float] | None) -> LabelledObject:
     group, names = MAPPING[kind]
     boxes = _with_rider(row["bbox_modal"], rider)
-    visible = 1.0 - (row["occlusion_ratio"] or 0.0)
+    visible = (1.0 - (row["occlusion_ratio"] or 0.0)) * (1.0 - (row["truncated"] or 0.0))
     high = float((boxes[:, 3] - boxes[:, 1]).max()) >= LEAST_HEIGHT_PX
     judged = high and visible >= LEAST_VISIBLE and (group != "two_wheeler" or rider is not None)
     alpha = row["alpha"]

@@ -72,11 +72,12 @@ def test_boxes_where_nothing_stands_are_off_class_unless_their_class_has_no_labe
     assert match([], [nothing, bench], UNJUDGED).off_class == (nothing,)
 
 
-def row(track_id, kind, box, *, hidden=0.0, alpha=0.0, parent=None):
+def row(track_id, kind, box, *, hidden=0.0, outside=0.0, alpha=0.0, parent=None):
     seen = {
         "track_id": track_id,
         "bbox_modal": box,
         "occlusion_ratio": hidden,
+        "truncated": outside,
         "alpha": alpha,
     }
     return {"class": kind, "parent_track_id": parent}, seen
@@ -94,8 +95,11 @@ def test_only_objects_large_and_visible_enough_are_judged():
         row(3, "car", [0, 0, 50, 60], hidden=0.41),
         row(4, "traffic_sign", [0, 0, 50, 60]),
         row(5, "walker_adult", None),
+        row(6, "car", [0, 0, 50, 60], outside=0.39),
+        row(7, "car", [0, 0, 50, 60], outside=0.41),
+        row(8, "car", [0, 0, 50, 60], hidden=0.3, outside=0.2),
     )
-    assert [one.judged for one in objects] == [True, False, False]
+    assert [one.judged for one in objects] == [True, False, False, True, False, False]
 
 
 def test_a_two_wheeler_is_found_by_itself_its_rider_or_both_as_either_class():

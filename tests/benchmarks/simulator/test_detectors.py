@@ -155,6 +155,23 @@ def test_what_several_tiles_show_is_found_once_and_whole():
     assert one.box.tolist() == pytest.approx([30, 40, 70, 60], abs=1.5)
 
 
+class LooseSpot(BrightSpot):
+    """Its boxes end some pixels before what they are of."""
+
+    side = 200
+
+    def detect(self, tile):
+        found_boxes, scores = super().detect(tile)
+        return found_boxes + boxes([3, 3, -3, -3]), scores
+
+
+def test_the_part_of_an_object_that_a_tile_shows_is_no_box():
+    picture = np.zeros((200, 320, 3), np.uint8)
+    picture[40:60, 140:260] = 255
+    (one,) = detect_on_tiles(LooseSpot(), picture, ("car", "bus"))
+    assert one.box.tolist() == [143, 43, 257, 57]
+
+
 def test_layers_are_those_of_tensorflow():
     values = np.arange(16, dtype=np.float32).reshape(4, 4, 1)
     ones = np.ones((3, 3, 1, 1), np.float32)

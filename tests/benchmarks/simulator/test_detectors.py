@@ -269,11 +269,14 @@ def test_a_file_that_is_not_the_packages_archive_is_refused_with_what_brings_it(
         load_detectors(tmp_path / "none.tar.gz", archive)
 
 
-@pytest.mark.parametrize(("pictures", "each"), [(120, 10), (1, 1), (13, 2)])
-def test_each_town_has_as_many_pictures_in_each_weather(pictures, each):
+@pytest.mark.parametrize(("pictures", "places"), [(120, 2), (60, 1), (1, 1), (121, 3)])
+def test_five_cars_look_at_each_place_of_each_town_in_each_weather(pictures, places):
     config = configuration(pictures)
     assert len(config["map"]["choice"]) * len(config["variants"]) == 12
-    assert config["duration_s"] * config["fps"] // config["save_every"] == each
+    assert 1 + len({agent["name"] for agent in config["agents"]}) == 5
+    assert config["duration_s"] * config["fps"] == 1
+    assert config["campaign"]["repeats"] == places
+    assert {"rig": config["rig"]}.items() <= config["agents"][0].items()
 
 
 def test_the_networks_classes_are_those_of_coco():

@@ -12,6 +12,7 @@ import pytest
 
 from benchmarks.simulator.detectors import load_detectors
 from benchmarks.simulator.detectors.centernet import CenterNetDetector
+from benchmarks.simulator.detectors.check import figures_of
 from benchmarks.simulator.detectors.darknet import DarknetDetector
 from benchmarks.simulator.detectors.labelled import MAPPING, UNJUDGED, labelled_objects
 from benchmarks.simulator.detectors.layers import convolve, convolve_each, largest, resize_bilinear
@@ -132,6 +133,13 @@ def test_tiles_cover_the_picture_and_overlap_by_a_quarter(side):
             assert starts[0] == 0
             assert starts[-1] == length - one
             assert max(np.diff(starts), default=0) <= 0.75 * one + 1
+
+
+def test_a_target_that_no_picture_tries_is_not_met_and_other_recalls_of_nothing_are_left_out():
+    figures = {figure.name: figure for figure in figures_of("yolo", [])}
+    assert not figures["yolo_recall_of_cars"].ok
+    assert "yolo_recall_of_cars_side" not in figures
+    assert figures["yolo_number_of_cars_side"].value == 0
 
 
 class BrightSpot:

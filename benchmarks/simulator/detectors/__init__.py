@@ -1,6 +1,6 @@
 """Do detectors that were trained on photographs find what is in the simulator's pictures?
 
-A dataset is recorded: a drive in each of three towns, the same in four weathers. Its labels say
+A dataset is recorded: places in three towns, seen by five cars in four weathers. Its labels say
 what stands where. Two detectors of different families look at the pictures.
 """
 

@@ -50,21 +50,26 @@ class LabelledPicture:
     """One picture with its labels.
 
     Attributes:
+        view: the episode, and whose camera it is.
         frame, camera: where it is.
         objects: all that is labelled and visible.
     """
 
+    view: str
     frame: Frame
     camera: str
     objects: tuple[LabelledObject, ...]
 
 
 def labelled_pictures(frames: Iterable[Frame]) -> Iterator[LabelledPicture]:
-    """The pictures of labelled cameras."""
+    """The pictures of labelled cameras, the ego's and the agents'."""
     for frame in frames:
-        for camera, rows in sorted(frame.camera_objects.items()):
-            if frame.has(camera):
-                yield LabelledPicture(frame, camera, labelled_objects(frame.objects, rows))
+        views = {"ego": frame, **{name: frame.as_agent(name) for name in frame.episode.agents}}
+        for name, view in views.items():
+            for camera, rows in sorted(view.camera_objects.items()):
+                if view.has(camera):
+                    objects = labelled_objects(view.objects, rows)
+                    yield LabelledPicture(f"{frame.episode.id}-{name}", view, camera, objects)
 
 
 def labelled_objects(objects: Mapping[int, Row], rows: Sequence[Row]) -> tuple[LabelledObject, ...]:
@@ -89,11 +94,12 @@ def labelled_objects(objects: Mapping[int, Row], rows: Sequence[Row]) -> tuple[L
 def _labelled(kind: str, row: Row, rider: Sequence[float] | None) -> LabelledObject:
     group, names = MAPPING[kind]
     boxes = _with_rider(row["bbox_modal"], rider)
-    visible = 1.0 - (row["occlusion_ratio"] or 0.0)
+    visible = (1.0 - (row["occlusion_ratio"] or 0.0)) * (1.0 - (row["truncated"] or 0.0))
     high = float((boxes[:, 3] - boxes[:, 1]).max()) >= LEAST_HEIGHT_PX
     judged = high and visible >= LEAST_VISIBLE and (group != "two_wheeler" or rider is not None)
     alpha = row["alpha"]
-    return LabelledObject(group, names, boxes, judged, alpha is not None and is_end_on(alpha))
+    end_on = alpha is not None and is_end_on(alpha)
+    return LabelledObject(group, names, boxes, judged, end_on, row["track_id"])
 
 
 def _with_rider(box: Sequence[float], rider: Sequence[float] | None) -> Boxes:

@@ -32,6 +32,7 @@ class LabelledObject:
         boxes: ``(N, 4)`` of which each will do: the two-wheeler's, its rider's, both's.
         judged: whether it is large and visible enough for recall.
         end_on: whether one looks on its front or rear rather than on its side.
+        track_id: the same in all pictures of a place.
     """
 
     group: str
@@ -39,6 +40,7 @@ class LabelledObject:
     boxes: Boxes
     judged: bool = True
     end_on: bool = False
+    track_id: int = 0
 
 
 @dataclass(frozen=True, slots=True)

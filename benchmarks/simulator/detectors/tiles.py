@@ -17,7 +17,8 @@ _OVERLAP = 0.25
 """Share of a tile that its neighbour has, too, at least."""
 _SAME_IOU = 0.5
 """Boxes of one class that overlap by more are of one object."""
-_BORDER_PX = 2.0
+_BORDER = 0.02
+"""Share of a tile: a box that ends so near the tile's border may be of an object's part."""
 
 
 class Detector(Protocol):
@@ -84,8 +85,8 @@ def _by_tile(detector: Detector, picture: NDArray[np.uint8]) -> Iterator[tuple[A
         boxes = boxes * np.float32(side / detector.side)
         corner = np.array([left, top], np.float32)
         limit = np.array([width, height], np.float32) - corner
-        ends = (boxes[:, :2] < _BORDER_PX) & (corner > 0)
-        ends |= (boxes[:, 2:] > side - _BORDER_PX) & (limit > side)
+        ends = (boxes[:, :2] < side * _BORDER) & (corner > 0)
+        ends |= (boxes[:, 2:] > side * (1.0 - _BORDER)) & (limit > side)
         whole = ~ends.any(axis=1)
         boxes = np.concatenate([boxes[:, :2] + corner, boxes[:, 2:] + corner], axis=1)[whole]
         boxes = np.clip(boxes, 0.0, np.array([width, height, width, height], np.float32))

@@ -87,6 +87,7 @@ class BodyShape:
         cladding: height up to which the sills are bare plastic.
         mirrors: whether outside mirrors reach out to the box's sides.
         rear_glass: z from, z to and half width as a share of a window in an upright rear face.
+        tinted: whether the windows behind the front doors are of dark glass.
     """
 
     top: _Points
@@ -114,6 +115,12 @@ class BodyShape:
     cladding: float = 0.0
     mirrors: bool = True
     rear_glass: tuple[float, float, float] | None = None
+    tinted: bool = False
+
+    @property
+    def rear_pane(self) -> Material:
+        """Glass of the windows behind the front doors."""
+        return Material.GLASS_DARK if self.tinted else Material.GLASS
 
 
 @dataclass(frozen=True, slots=True)
@@ -290,12 +297,15 @@ class CarBody:
         cabin = rise > 0.10 * f.height
         glazed = cabin & (middle > s.side_glass[0]) & (middle < s.side_glass[1])
         quads[glazed, self._GLASS] = Material.GLASS
+        if s.pillars:
+            quads[glazed & (middle < max(s.pillars)), self._GLASS] = s.rear_pane
         for pillar in s.pillars:
             at = glazed & (np.abs(middle - pillar) < 0.04 / f.half_length)
             quads[at, self._GLASS] = Material.PLASTIC_DARK
         screen = (middle > s.windscreen[0]) & (middle < s.windscreen[1])
         back = (middle > s.rear_window[0]) & (middle < s.rear_window[1])
-        quads[screen | back, self._ROOF :] = Material.GLASS
+        quads[screen, self._ROOF :] = Material.GLASS
+        quads[back, self._ROOF :] = s.rear_pane
         cowl = (middle > s.windscreen[1]) & (middle < s.windscreen[1] + _COWL)
         quads[cowl, self._ROOF :] = Material.PLASTIC_DARK
         return np.concatenate([quads[:, ::-1], quads], axis=1)

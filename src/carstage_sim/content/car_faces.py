@@ -154,7 +154,7 @@ def add_rear(builder: ShapeBuilder, body: CarBody, plate: str) -> None:
         frame = [(u * (wide + 0.03), sill - 0.02, lintel + 0.02) for u in _even(7)]
         body.panel(builder, _REAR, frame, dark, raised=0.004)
         pane = [(u * wide, sill, lintel) for u in _even(7)]
-        body.panel(builder, _REAR, pane, Material.GLASS)
+        body.panel(builder, _REAR, pane, s.rear_pane)
     valance = [(u * 0.9, s.clearance + 0.01, s.clearance + 0.085) for u in _even(9)]
     body.panel(builder, _REAR, valance, dark, raised=0.010)
     bumper = s.clearance + 0.17

@@ -89,15 +89,15 @@ def light_head_bounds() -> tuple[np.ndarray, np.ndarray]:
 
 
 def _head(middle: np.ndarray, yaw_deg: float) -> TriangleMesh:
-    """A housing with three hooded lenses, red on top."""
+    """Three housings with hooded lenses, red on top, behind one front and its backplate."""
     dark = Material.PLASTIC_DARK
     forward = np.array([math.cos(math.radians(yaw_deg)), math.sin(math.radians(yaw_deg)), 0.0])
     side = np.array([-forward[1], forward[0], 0.0])
     up = np.array([0.0, 0.0, 1.0])
     parts = [
-        box(middle, (0.11, 0.17, 0.52), dark, _LIGHT, yaw_deg=yaw_deg),
+        box(middle + forward * 0.06, (0.05, 0.17, 0.52), dark, _LIGHT, yaw_deg=yaw_deg),
         # The backplate makes the lenses stand out against the sky.
-        box(middle - forward * 0.1, (0.01, 0.27, 0.63), dark, _LIGHT, yaw_deg=yaw_deg),
+        box(middle + forward * 0.03, (0.01, 0.27, 0.63), dark, _LIGHT, yaw_deg=yaw_deg),
     ]
     for lens, shift in zip(_LENSES, (1, 0, -1), strict=True):
         center = middle + up * (shift * _LENS_SPACING_M) + forward * 0.115
@@ -108,7 +108,23 @@ def _head(middle: np.ndarray, yaw_deg: float) -> TriangleMesh:
         far = near + forward * 0.17
         hood = np.stack([near[:-1], near[1:], far[1:], far[:-1]], axis=1)
         parts.append(quad_mesh(hood, dark, _LIGHT))
+        parts.append(_housing(middle + up * (shift * _LENS_SPACING_M), forward, side))
     return merge_meshes(parts)
+
+
+def _housing(middle: np.ndarray, forward: np.ndarray, side: np.ndarray) -> TriangleMesh:
+    """The round back of one lens's housing; between two there is a gap."""
+    turn = np.radians(np.linspace(0.0, 180.0, 9))
+    arc = middle + 0.165 * np.cos(turn)[:, None] * side
+    arc = arc + (0.02 - 0.15 * np.sin(turn))[:, None] * forward
+    up = np.array([0.0, 0.0, 0.145])
+    low, high = arc - up, arc + up
+    back = np.stack([low[:-1], low[1:], high[1:], high[:-1]], axis=1)
+    caps = [
+        np.stack([np.broadcast_to(end[0], end[1:].shape), end[:-1], end[1:], end[1:]], axis=1)
+        for end in (low[::-1], high)
+    ]
+    return quad_mesh(np.concatenate([back, *caps]), Material.PLASTIC_DARK, _LIGHT)
 
 
 def street_lamp_mesh(height_m: float = 7.5, reach_m: float = 1.6) -> TriangleMesh:

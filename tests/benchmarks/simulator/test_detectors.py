@@ -12,6 +12,7 @@ import pytest
 
 from benchmarks.simulator.detectors import load_detectors
 from benchmarks.simulator.detectors.centernet import CenterNetDetector
+from benchmarks.simulator.detectors.check import figures_of
 from benchmarks.simulator.detectors.darknet import DarknetDetector
 from benchmarks.simulator.detectors.labelled import MAPPING, UNJUDGED, labelled_objects
 from benchmarks.simulator.detectors.layers import convolve, convolve_each, largest, resize_bilinear
@@ -22,7 +23,7 @@ from benchmarks.simulator.detectors.matching import (
     match,
     overlaps,
 )
-from benchmarks.simulator.detectors.packages import COCO_NAMES
+from benchmarks.simulator.detectors.packages import COCO_NAMES, YOLO
 from benchmarks.simulator.detectors.scenes import configuration
 from benchmarks.simulator.detectors.tiles import detect_on_tiles, tiles
 from carstage.errors import BadInputError
@@ -72,11 +73,12 @@ def test_boxes_where_nothing_stands_are_off_class_unless_their_class_has_no_labe
     assert match([], [nothing, bench], UNJUDGED).off_class == (nothing,)
 
 
-def row(track_id, kind, box, *, hidden=0.0, alpha=0.0, parent=None):
+def row(track_id, kind, box, *, hidden=0.0, outside=0.0, alpha=0.0, parent=None):
     seen = {
         "track_id": track_id,
         "bbox_modal": box,
         "occlusion_ratio": hidden,
+        "truncated": outside,
         "alpha": alpha,
     }
     return {"class": kind, "parent_track_id": parent}, seen
@@ -94,8 +96,11 @@ def test_only_objects_large_and_visible_enough_are_judged():
         row(3, "car", [0, 0, 50, 60], hidden=0.41),
         row(4, "traffic_sign", [0, 0, 50, 60]),
         row(5, "walker_adult", None),
+        row(6, "car", [0, 0, 50, 60], outside=0.39),
+        row(7, "car", [0, 0, 50, 60], outside=0.41),
+        row(8, "car", [0, 0, 50, 60], hidden=0.3, outside=0.2),
     )
-    assert [one.judged for one in objects] == [True, False, False]
+    assert [one.judged for one in objects] == [True, False, False, True, False, False]
 
 
 def test_a_two_wheeler_is_found_by_itself_its_rider_or_both_as_either_class():
@@ -130,6 +135,13 @@ def test_tiles_cover_the_picture_and_overlap_by_a_quarter(side):
             assert max(np.diff(starts), default=0) <= 0.75 * one + 1
 
 
+def test_a_target_that_no_picture_tries_is_not_met_and_other_recalls_of_nothing_are_left_out():
+    figures = {figure.name: figure for figure in figures_of("yolo", [])}
+    assert not figures["yolo_recall_of_cars"].ok
+    assert "yolo_recall_of_cars_side" not in figures
+    assert figures["yolo_number_of_cars_side"].value == 0
+
+
 class BrightSpot:
     """Finds the one bright rectangle of a tile."""
 
@@ -149,6 +161,23 @@ def test_what_several_tiles_show_is_found_once_and_whole():
     (one,) = detect_on_tiles(BrightSpot(), picture, ("car", "bus"))
     assert (one.name, one.score) == ("bus", pytest.approx(0.8))
     assert one.box.tolist() == pytest.approx([30, 40, 70, 60], abs=1.5)
+
+
+class LooseSpot(BrightSpot):
+    """Its boxes end some pixels before what they are of."""
+
+    side = 200
+
+    def detect(self, tile):
+        found_boxes, scores = super().detect(tile)
+        return found_boxes + boxes([3, 3, -3, -3]), scores
+
+
+def test_the_part_of_an_object_that_a_tile_shows_is_no_box():
+    picture = np.zeros((200, 320, 3), np.uint8)
+    picture[40:60, 140:260] = 255
+    (one,) = detect_on_tiles(LooseSpot(), picture, ("car", "bus"))
+    assert one.box.tolist() == [143, 43, 257, 57]
 
 
 def test_layers_are_those_of_tensorflow():
@@ -178,6 +207,18 @@ def test_a_darknet_network_is_read_from_its_two_files():
         DarknetDetector(config, weights[:-4])
     with pytest.raises(ValueError, match="crop"):
         DarknetDetector(f"{config}[crop]\nx=1\n", weights)
+
+
+def test_yolo_tiny_has_the_anchors_that_its_weights_were_trained_with():
+    config = (
+        "[net]\nwidth=32\nchannels=3\n[convolutional]\nfilters=18\nsize=1\nstride=1\npad=1\n"
+        "activation=linear\n[yolo]\nmask = 0,1,2\nanchors = 2,2, 8,4, 6,6, 4,8\nclasses=1\n"
+    )
+    weights = bytes(20 + 4 * (18 + 18 * 3))
+    (one, *_), _ = YOLO.make(config, weights).detect(np.zeros((32, 32, 3), np.float32))
+    assert (one[2:] - one[:2]).tolist() == pytest.approx([8, 4])
+    with pytest.raises(ValueError, match="mask"):
+        YOLO.make(config.replace("0,1,2", "1,2,3"), weights)
 
 
 def graph():
@@ -236,11 +277,14 @@ def test_a_file_that_is_not_the_packages_archive_is_refused_with_what_brings_it(
         load_detectors(tmp_path / "none.tar.gz", archive)
 
 
-@pytest.mark.parametrize(("pictures", "each"), [(120, 10), (1, 1), (13, 2)])
-def test_each_town_has_as_many_pictures_in_each_weather(pictures, each):
+@pytest.mark.parametrize(("pictures", "places"), [(120, 2), (60, 1), (1, 1), (121, 3)])
+def test_five_cars_look_at_each_place_of_each_town_in_each_weather(pictures, places):
     config = configuration(pictures)
     assert len(config["map"]["choice"]) * len(config["variants"]) == 12
-    assert config["duration_s"] * config["fps"] // config["save_every"] == each
+    assert 1 + len({agent["name"] for agent in config["agents"]}) == 5
+    assert config["duration_s"] * config["fps"] == 1
+    assert config["campaign"]["repeats"] == places
+    assert {"rig": config["rig"]}.items() <= config["agents"][0].items()
 
 
 def test_the_networks_classes_are_those_of_coco():

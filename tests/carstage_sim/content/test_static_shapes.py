@@ -136,6 +136,23 @@ def test_a_traffic_lights_lenses_look_along_the_heads_yaw(head):
     assert set(mesh.tag) == {CityObjectLabel.POLES, CityObjectLabel.TRAFFIC_LIGHT}
 
 
+def test_a_traffic_light_from_behind_is_three_round_housings_before_its_plate():
+    mesh = traffic_light_mesh((4.9, 0.0, 5.4, 0.0))
+    corners = mesh.vertices[mesh.triangles]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    head = (mesh.tag == CityObjectLabel.TRAFFIC_LIGHT) & (corners[..., 0].min(axis=1) > 4.5)
+    # The back of the plate, and of the housings that stand out behind it.
+    plate = head & (np.ptp(corners[..., 2], axis=1) > 1.2) & (normal[:, 0] < -0.99)
+    round_ = (
+        head & (normal[:, 0] < -0.1) & (corners[..., 0].max(axis=1) < corners[plate, :, 0].min())
+    )
+    assert corners[plate, :, 0].min() - corners[round_, :, 0].min() > 0.12
+    assert len(set(np.round(normal[round_, 1], 2))) >= 6
+    gaps = np.diff(np.unique(np.round(corners[round_, :, 2], 3)))
+    assert np.sum(gaps < 0.05) == 2
+
+
 def test_a_speed_sign_shows_its_figures_to_the_front():
     thirty, fifty = speed_sign_mesh(30), speed_sign_mesh(50)
     for mesh in (thirty, fifty):

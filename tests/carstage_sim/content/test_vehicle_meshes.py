@@ -108,6 +108,21 @@ def test_lamps_are_seen_from_their_end(blueprint):
         assert {mesh.material[k] for k in free} <= SHINES
 
 
+@pytest.mark.parametrize("name", ["seat.leon", "mini.cooper_s", "nissan.patrol_2021", "audi.etron"])
+def test_the_tailgate_of_a_hatch_or_suv_has_a_dark_window_half_way_up(name):
+    mesh = mesh_of(catalogue()[f"vehicle.{name}"])
+    corners = mesh.vertices[mesh.triangles].astype(np.float64)
+    low, high = mesh.bounds.astype(np.float64)
+    for share, material in ((0.55, Material.PAINT), (0.74, Material.GLASS_DARK),
+                            (0.86, Material.GLASS_DARK)):  # fmt: skip
+        behind = np.array([low[0] - 5.0, 0.21, share * high[2]])
+        assert mesh.material[first_met(corners, behind, 1.0)] == material, share
+    # One sees through the front doors' windows: no dark glass ahead of the middle pillar.
+    clear = corners[mesh.material == Material.GLASS].mean(axis=1)
+    sides = np.abs(clear[:, 1]) > 0.3 * high[1]
+    assert clear[sides, 0].min() > corners[mesh.material == Material.GLASS_DARK, :, 0].min() + 1.5
+
+
 @pytest.mark.parametrize(
     "name",
     ["tesla.model3", "seat.leon", "micro.microlino", "mitsubishi.fusorosa", "ford.ambulance"],

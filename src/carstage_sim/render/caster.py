@@ -21,6 +21,8 @@ _BAND = 8192
 """Pixels of a band: small enough to balance, large enough to hide the call."""
 _RAYS, _PACKETS = 256, 16
 """Rays, and groups of them, that a kernel takes at a time."""
+_PACKETS_OF_A_PIECE = 4
+"""As :data:`_PACKETS`, of work that gives way: others wait for a piece of it."""
 _SQUARE = 8
 _PIECES = 16
 """Of a pass that gives way to others in between."""
@@ -132,7 +134,8 @@ class RayCaster:
             packets: the groups.
             work: see :func:`carstage_sim.render.sharing.take`.
         """
-        self._share(len(packets.starts) - 1, _PACKETS, work)
+        size = _PACKETS if self._between is None else _PACKETS_OF_A_PIECE
+        self._share(len(packets.starts) - 1, size, work)
 
     def _share(self, count: int, size: int, work: Callable[[NDArray[np.int64]], None]) -> None:
         between = self._between

@@ -76,8 +76,9 @@ def test_a_server_that_dies_leaves_what_it_showed_until_then(tmp_path: Path) -> 
     # A last frame of which it sent one sensor's data and not the other's is left out.
     report = carstage.validate(out)
     assert report.ok, report.problems
-    # Few pixels of a slow car may look the same twice, which is no more than a warning.
-    assert {one.check for one in report.problems} <= {"repeated"}
+    # Few pixels of a slow car may look the same twice, and a program that ticked long before it was
+    # recorded may have driven its car to a wall. Neither is more than a warning.
+    assert {one.check for one in report.problems} <= {"repeated", "ego_still"}
 
 
 def test_a_disk_that_fills_ends_the_recording_and_what_is_committed_stays(

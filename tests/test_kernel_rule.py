@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from types import FunctionType
@@ -51,3 +53,16 @@ def test_kernels_are_compiled_with_the_same_options(package: str) -> None:
         assert options["error_model"] == "numpy", kernel
         assert not options.get("fastmath"), kernel
         assert not options.get("parallel"), kernel
+
+
+@pytest.mark.parametrize("package", ["carstage", "carstage_sim"])
+def test_a_first_kernel_registers_no_types_with_numba(package: str) -> None:
+    code = (
+        f"import {package}.kernels, numba\n"
+        "from numba.core.typing.typeof import typeof_impl\n"
+        "before = set(typeof_impl.registry)\n"
+        "assert numba.njit(lambda x: x + 1)(1) == 2\n"
+        "assert set(typeof_impl.registry) == before, set(typeof_impl.registry) - before\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

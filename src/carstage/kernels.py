@@ -21,6 +21,10 @@ from typing import Any
 import llvmlite.binding as llvm
 import numba
 
+# Numba imports this with the first kernel of a process, which registers a type; a thread that looks
+# for the type of its own argument at that moment would fail.
+import numba.experimental.function_type
+
 from carstage.cache import cache_folder
 
 _ROOT = Path(__file__).parent

@@ -28,6 +28,10 @@ from typing import Any
 import llvmlite.binding as llvm
 import numba
 
+# Numba imports this with the first kernel of a process, which registers a type; a thread that looks
+# for the type of its own argument at that moment would fail.
+import numba.experimental.function_type
+
 from carstage_sim import linked_functions
 from carstage_sim.cache import cache_folder, mark_used
 from carstage_sim.linked_functions import linked

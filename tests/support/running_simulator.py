@@ -35,8 +35,8 @@ def start_simulator(log: Path, *arguments: str) -> RunningSimulator:
     line = process.stdout.readline()  # a server that dies closes the pipe
     match = _READY.match(line)
     if match is None:
-        process.kill()
-        process.wait()
+        with process:  # which closes the pipe
+            process.kill()
         raise RuntimeError(f"no ready line but {line!r}:\n{log.read_text()[-4000:]}")
     return RunningSimulator(match["host"], int(match["port"]), int(match["s"]), process)
 

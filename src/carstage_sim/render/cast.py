@@ -85,7 +85,7 @@ class Scene(NamedTuple):
 
 
 @device
-def _inverse(d):  # type: ignore[no-untyped-def]
+def finite_inverse(d):  # type: ignore[no-untyped-def]
     """Reciprocal of a direction's component, finite: no ray is parallel to a plane."""
     if abs(d) < np.float32(1e-12):
         return np.float32(1e12) if d >= 0 else np.float32(-1e12)
@@ -98,7 +98,7 @@ def _walk(geometry, node, o, d, low, high, ties, u, v, any_hit, stack, depth, en
 
     ``ties`` says whether a hit at ``high`` itself counts. ``stack[depth:]`` is free.
     """
-    ix, iy, iz = _inverse(d[0]), _inverse(d[1]), _inverse(d[2])
+    ix, iy, iz = finite_inverse(d[0]), finite_inverse(d[1]), finite_inverse(d[2])
     near_x = 0 if ix >= 0 else 3
     near_y = 0 if iy >= 0 else 3
     near_z = 0 if iz >= 0 else 3
@@ -182,7 +182,7 @@ def trace_actors(scene, scratch, o, d, low, high, skip, any_hit, row, triangle, 
     stack, entries, tests = scratch.stack, scratch.entries, scratch.tests
     if not scene.top_planes.shape[0]:
         return high, row, triangle, u, v
-    ix, iy, iz = _inverse(d[0]), _inverse(d[1]), _inverse(d[2])
+    ix, iy, iz = finite_inverse(d[0]), finite_inverse(d[1]), finite_inverse(d[2])
     near_x = 0 if ix >= 0 else 3
     near_y = 0 if iy >= 0 else 3
     near_z = 0 if iz >= 0 else 3

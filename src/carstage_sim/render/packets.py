@@ -1,8 +1,8 @@
 """Rays of one origin that run side by side, traced together.
 
-A packet has up to 64 rays. Four planes around them tell at once which boxes and triangles none of
-them meets; a triangle is then tested against those rows of eight rays that it may cover. Each ray
-meets exactly what :func:`carstage_sim.render.cast.trace` finds for it: the tests of a ray with a
+A packet has up to 64 rays. The bounds of their directions tell at once which boxes and triangles
+none of them meets; a triangle is then tested against those rows of eight rays that it may cover.
+Each ray meets exactly what :func:`carstage_sim.render.cast.trace` finds for it: the tests of a ray with a
 triangle are the same operations, and what is left out is only what a ray cannot meet.
 """
 
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from carstage_sim.kernels import device
 from carstage_sim.render.beam_simd import (
     boxes_in_beam,
+    boxes_in_slabs,
     enclose_rays,
     rays_hit,
     rows_in_beam,
@@ -35,12 +36,14 @@ _ROWS = PACKET // LANES
 _ONE: Any = np.float32(1)
 _LEAST_AHEAD: Any = np.float32(0.25)
 """Square of the cosine with a packet's middle direction from which a ray strays too far."""
+_LEAST_COMPONENT: Any = np.float32(1e-6)
+"""Rays agree on the sign of a component if it is larger."""
 _SLACK: Any = np.float32(1e-6)
 _FARTHEST = 3
 """Row of ``rays`` after the three of the shear."""
 _ROW_FARTHEST = 2
 """Row of ``slopes`` after the least and the largest."""
-_MIDDLE, _REACH, _BOUNDS = 15, 18, 9
+_MIDDLE, _REACH, _INVERSE, _BOUNDS = 15, 18, 19, 9
 """Places in ``beam`` and ``axes``."""
 
 
@@ -53,7 +56,7 @@ class PacketScratch(NamedTuple):
         rays: ``(4, 64)`` float32; see :func:`carstage_sim.render.beam_simd.rays_hit`.
         weights: ``(2, 64)`` float32 of what they met.
         triangle: ``(64,)`` int32 what they met, -1 for nothing.
-        beam: ``(19,)`` float32; see :func:`carstage_sim.render.beam_simd.boxes_in_beam`.
+        beam: ``(28,)`` float32; see ``boxes_in_beam``, ``boxes_in_slabs`` and ``boxes_in_shaft``.
         axes: ``(13,)`` float32; see :func:`carstage_sim.render.beam_simd.triangles_in_beam`.
         slopes: ``(5, 8)`` float32 of each row of eight rays; see
             :func:`carstage_sim.render.beam_simd.rows_in_beam` and ``rows_in_shaft``.
@@ -94,7 +97,7 @@ def new_packet_scratch() -> PacketScratch:
         np.empty((4, PACKET), np.float32),
         np.empty((2, PACKET), np.float32),
         np.empty(PACKET, np.int32),
-        np.empty(19, np.float32),
+        np.empty(28, np.float32),
         np.empty(13, np.float32),
         np.empty((5, _ROWS), np.float32),
         np.empty(4 * LANES, np.float32),
@@ -109,22 +112,45 @@ def new_packet_scratch() -> PacketScratch:
 
 
 @device
+def _slabs(numbers, beam):  # type: ignore[no-untyped-def]
+    """Fill in the bounds of the reciprocals of the rays' components; see :func:`_aim`.
+
+    ``numbers``: as :func:`carstage_sim.render.beam_simd.shear_rays` leaves them.
+    """
+    for axis in range(3):
+        least, most = numbers[3 + 2 * axis], numbers[4 + 2 * axis]
+        if not (least > _LEAST_COMPONENT or most < -_LEAST_COMPONENT):
+            return -1, -1, -1
+        beam[_INVERSE + 2 * axis], beam[_INVERSE + 2 * axis + 1] = _ONE / most, _ONE / least
+    return (
+        0 if numbers[3] > 0 else 3,
+        0 if numbers[5] > 0 else 3,
+        0 if numbers[7] > 0 else 3,
+    )
+
+
+@device
 def _aim(memory, count):  # type: ignore[no-untyped-def]
     """Put planes around whole rows of rays; whether they run side by side.
 
-    Also fills what its triangle tests need. Which axis they look along is returned, 0 to 2, or -1
-    where the rays have to be traced one by one.
+    Also fills what its triangle tests need.
+
+    Returns:
+        Which axis they look along, 0 to 2, or -1 where the rays have to be traced one by one; for
+        each axis, 0 where they run upwards along it and 3 where downwards, or first -1 where they
+        do not agree.
     """
     ways, beam, axes, slopes = memory.ways, memory.beam, memory.axes, memory.slopes
     numbers, groups = memory.places, count // LANES
     ax, ay, az = abs(ways[0, 0]), abs(ways[1, 0]), abs(ways[2, 0])
     main = 0 if ax >= ay and ax >= az else (1 if ay >= az else 2)
     if not shear_rays(ways, groups, main, memory.rays, numbers):
-        return -1
+        return -1, -1, -1, -1
+    sides = _slabs(numbers, beam)
     x, y, z = numbers[0], numbers[1], numbers[2]
     length = math.sqrt(x * x + y * y + z * z)
     if not length > np.float32(0):
-        return -1
+        return -1, -1, -1, -1
     x, y, z = x / length, y / length, z / length
     # Two directions across the middle one (Duff et al., JCGT 2017); rows of rays differ along the
     # second, which is the more upright one.
@@ -141,7 +167,7 @@ def _aim(memory, count):  # type: ignore[no-untyped-def]
     axes[3], axes[4], axes[5] = vx, vy, vz
     axes[6], axes[7], axes[8] = x, y, z
     if not enclose_rays(ways, groups, axes, _LEAST_AHEAD, slopes, numbers):
-        return -1
+        return -1, -1, -1, -1
     for g in range(groups):
         slopes[0, g], slopes[1, g] = slopes[0, g] - _SLACK, slopes[1, g] + _SLACK
     least_u, most_u, least_v, most_v = numbers[0], numbers[1], numbers[2], numbers[3]
@@ -156,7 +182,7 @@ def _aim(memory, count):  # type: ignore[no-untyped-def]
     beam[_REACH] = _ONE / (reach * (_ONE + _SLACK))
     axes[_BOUNDS], axes[_BOUNDS + 1] = least_u, most_u
     axes[_BOUNDS + 2], axes[_BOUNDS + 3] = least_v, most_v
-    return main
+    return main, sides[0], sides[1], sides[2]
 
 
 @device
@@ -201,7 +227,18 @@ def _leaf(geometry, memory, block, main, low, farthest):  # type: ignore[no-unty
 
 
 @device
-def _walk_together(geometry, memory, main, low, count, farthest):  # type: ignore[no-untyped-def]
+def _boxes(planes, node, memory, sides, low, farthest):  # type: ignore[no-untyped-def]
+    """Which of a node's eight boxes a packet may meet; ``sides``: see :func:`_aim`."""
+    tests = memory.single.tests
+    if sides[0] < 0:
+        return boxes_in_beam(planes, node, memory.beam, farthest, tests)
+    return boxes_in_slabs(
+        planes, node, sides[0], sides[1], sides[2], memory.beam, low, farthest, tests
+    )
+
+
+@device
+def _walk_together(geometry, memory, main, sides, low, count, farthest):  # type: ignore[no-untyped-def]
     """Nearest triangles of one hierarchy for all rays of a packet."""
     stack, entries, tests = memory.single.stack, memory.single.entries, memory.single.tests
     for g in range(_ROWS):
@@ -217,7 +254,7 @@ def _walk_together(geometry, memory, main, low, count, farthest):  # type: ignor
         if node < 0:
             farthest = _leaf(geometry, memory, -1 - node, main, low, farthest)
             continue
-        bits = boxes_in_beam(geometry.planes, node, memory.beam, farthest, tests)
+        bits = _boxes(geometry.planes, node, memory, sides, low, farthest)
         first = depth
         while bits:
             lane = lowest_bit(bits)
@@ -237,9 +274,9 @@ def _walk_together(geometry, memory, main, low, count, farthest):  # type: ignor
 
 
 @device
-def _meets_instances(scene, memory, farthest, skip):  # type: ignore[no-untyped-def]
+def _meets_instances(scene, memory, sides, low, farthest, skip):  # type: ignore[no-untyped-def]
     """Whether a packet may meet the box of any instance."""
-    stack, tests = memory.single.stack, memory.single.tests
+    stack = memory.single.stack
     if not scene.top_planes.shape[0]:
         return False
     stack[0] = 0
@@ -251,7 +288,7 @@ def _meets_instances(scene, memory, farthest, skip):  # type: ignore[no-untyped-
             if scene.top_row[-1 - node] != skip:
                 return True
             continue
-        bits = boxes_in_beam(scene.top_planes, node, memory.beam, farthest, tests)
+        bits = _boxes(scene.top_planes, node, memory, sides, low, farthest)
         while bits:
             lane = lowest_bit(bits)
             bits &= bits - 1
@@ -292,7 +329,8 @@ def cast_packets(  # type: ignore[no-untyped-def]
             memory.triangle[i] = -1
             memory.weights[0, i] = np.float32(0)
             memory.weights[1, i] = np.float32(0)
-        main = _aim(memory, groups * LANES)
+        main, near_x, near_y, near_z = _aim(memory, groups * LANES)
+        sides = (near_x, near_y, near_z)
         if main < 0:
             for i in range(count):
                 ray = order[begin + i]
@@ -303,8 +341,8 @@ def cast_packets(  # type: ignore[no-untyped-def]
             continue
         farthest = high
         if scene.static.planes.shape[0]:
-            farthest = _walk_together(scene.static, memory, main, low, groups * LANES, high)
-        crowded = _meets_instances(scene, memory, farthest, skip)
+            farthest = _walk_together(scene.static, memory, main, sides, low, groups * LANES, high)
+        crowded = _meets_instances(scene, memory, sides, low, farthest, skip)
         for i in range(count):
             ray = order[begin + i]
             met = memory.triangle[i]

@@ -23,13 +23,11 @@ from carstage_sim.render.packet_simd import (
     number_at,
     numbers_at,
     overlapping,
-    reach_of,
     reaches_inside,
     rows_between,
     rows_of_found,
-    span_of,
 )
-from carstage_sim.render.simd import meet_triangles
+from carstage_sim.render.simd import meet_triangles, slab_rows, slabs_crossed
 from carstage_sim.render.vector_code import (
     F32,
     I64,
@@ -49,41 +47,39 @@ _intrinsic: Decorator = intrinsic
 
 
 @_intrinsic
-def boxes_in_shaft(typing_context, planes, node, shaft, entry):  # type: ignore[no-untyped-def]
+def boxes_in_shaft(  # type: ignore[no-untyped-def]
+    typing_context, planes, node, near_x, near_y, near_z, shaft, low, high, entry
+):
     """Which of a node's eight boxes parallel rays may meet.
+
+    What :func:`box_hits` finds for any of the rays is found: its operations, with the bounds of
+    what they are given for each ray.
 
     Args:
         typing_context: numba's.
-        planes, node: as for :func:`box_hits`.
-        shaft: ``(>= 18,)`` float32: a place near all origins; two directions across the rays and
-            their own; the least and largest place along each of the three that they reach.
-        entry: ``(>= 8,)`` float32, receives where each box begins along the rays.
+        planes, node, near_x, near_y, near_z, low, high: as for :func:`box_hits`.
+        shaft: ``(>= 28,)`` float32: a place near all origins; two directions across the rays and
+            their own; the least and largest place along each of the three that they reach; how far
+            the origins are from the place; from 19 on the reciprocal of the direction, of the
+            origins' coordinates those that see each first plane soonest, and each last plane last.
+        entry: ``(>= 8,)`` float32, receives where each box is entered.
 
     Returns:
         int64 whose bit ``k`` says that box ``k`` may be met.
     """
-    signature = types.int64(planes, node, shaft, entry)
+    signature = types.int64(planes, node, near_x, near_y, near_z, shaft, low, high, entry)
 
     def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
-        data, row, numbers, out = unpack(context, builder, signature, args)
-        first = builder.mul(row, ir.Constant(I64, 6))
-        origin = numbers_at(builder, numbers, range(3))
-        sides = [
-            builder.fsub(
-                load_lanes(builder, data, builder.add(first, ir.Constant(I64, k))), origin[k % 3]
-            )
-            for k in range(6)
-        ]
-        slack = builder.fmul(reach_of(builder, sides[:3], sides[3:]), constant(1e-6))
-        spans = []
-        for k in (3, 6, 9):
-            vector = numbers_at(builder, numbers, range(k, k + 3))
-            least, most = span_of(builder, vector, sides[:3], sides[3:])
-            spans.append((builder.fsub(least, slack), builder.fadd(most, slack)))
-        store_lanes(builder, spans[2][0], out, 0)
-        met = overlapping(builder, spans, numbers_at(builder, numbers, range(12, 18)))
-        exists = builder.fcmp_ordered("<=", sides[0], sides[3])
-        return bits_of(builder, builder.and_(met, exists))
+        data, row, *nears, numbers, least, most, out = unpack(context, builder, signature, args)
+        inverse, first, last = (numbers_at(builder, numbers, range(k, k + 3)) for k in (19, 22, 25))
+        enters: list[Any] = []
+        leaves: list[Any] = []
+        for axis, rows in enumerate(slab_rows(builder, row, nears)):
+            for found, plane, start in zip((enters, leaves), rows, (first, last), strict=True):
+                distance = builder.fsub(load_lanes(builder, data, plane), start[axis])
+                found.append(builder.fmul(distance, inverse[axis]))
+        limits = splat(builder, least), splat(builder, most)
+        return slabs_crossed(builder, enters, leaves, *limits, out)
 
     return signature, codegen
 
@@ -91,6 +87,8 @@ def boxes_in_shaft(typing_context, planes, node, shaft, entry):  # type: ignore[
 @_intrinsic
 def enclose_starts(typing_context, starts, groups, shaft, slack, slopes):  # type: ignore[no-untyped-def]
     """How far the origins of parallel rays are from a place, along and across their direction.
+
+    Their least and largest coordinates come from 22 on in ``shaft``: three, then three.
 
     Args:
         typing_context: numba's.
@@ -108,13 +106,18 @@ def enclose_starts(typing_context, starts, groups, shaft, slack, slopes):  # typ
         vectors = [numbers_at(builder, numbers, range(k, k + 3)) for k in (3, 6, 9)]
         begins, joins = (float("inf"), float("-inf")), (smaller_of, larger_of)
         held = [[new_variable(builder, constant(value)) for value in begins] for _ in vectors]
+        corners = [[new_variable(builder, constant(value)) for _ in range(3)] for value in begins]
         stride = ir.Constant(I64, PACKET // LANES)
         out_by = (builder.fsub(ir.Constant(F32, 0.0), margin), margin)
         with cgutils.for_range(builder, count) as loop:
             point = []
             for axis in range(3):
                 row = builder.add(builder.mul(ir.Constant(I64, axis), stride), loop.index)
-                point.append(builder.fsub(load_lanes(builder, data, row), origin[axis]))
+                place = load_lanes(builder, data, row)
+                for corner, join in zip(corners, joins, strict=True):
+                    one = corner[axis]
+                    builder.store(join(builder, builder.load(one), place), one)
+                point.append(builder.fsub(place, origin[axis]))
             for k, vector in enumerate(vectors):
                 place = dot(builder, vector, point)
                 for end, join in enumerate(joins):
@@ -130,6 +133,10 @@ def enclose_starts(typing_context, starts, groups, shaft, slack, slopes):  # typ
                 if k < 2:
                     value = builder.fadd(value, out_by[end])
                 builder.store(value, number_at(builder, numbers, 12 + 2 * k + end))
+        for end, join in enumerate(joins):
+            for axis in range(3):
+                value = across_lanes(builder, builder.load(corners[end][axis]), join)
+                builder.store(value, number_at(builder, numbers, 22 + 3 * end + axis))
         return context.get_dummy_value()
 
     return signature, codegen

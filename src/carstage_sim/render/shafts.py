@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from carstage_sim.kernels import device
-from carstage_sim.render.cast import NOTHING, trace_actors
+from carstage_sim.render.cast import NOTHING, finite_inverse, trace_actors
 from carstage_sim.render.leaves import is_gap
 from carstage_sim.render.packet_simd import PACKET, largest
 from carstage_sim.render.shaft_simd import (
@@ -38,6 +38,8 @@ _ROW_FARTHEST = 4
 _ROWS = PACKET // LANES
 _AROUND = 18
 """Place in ``beam`` of how far the origins are from the first one, at most."""
+_INVERSE, _FIRST, _LAST = 19, 22, 25
+"""Places in ``beam``; see :func:`carstage_sim.render.shaft_simd.boxes_in_shaft`."""
 _BLOCKED: Any = np.float32(-1)
 
 
@@ -80,7 +82,7 @@ def _leaf(geometry, memory, block, way, low, any_hit):  # type: ignore[no-untype
 
 
 @device
-def _walk_along(geometry, memory, way, low, count, any_hit):  # type: ignore[no-untyped-def]
+def _walk_along(geometry, memory, way, nears, low, high, count, any_hit):  # type: ignore[no-untyped-def]
     """What the rays of a group meet in one hierarchy."""
     stack, entries, tests = memory.single.stack, memory.single.entries, memory.single.tests
     left = count
@@ -96,7 +98,9 @@ def _walk_along(geometry, memory, way, low, count, any_hit):  # type: ignore[no-
             if left == 0:
                 return
             continue
-        bits = boxes_in_shaft(geometry.planes, node, memory.beam, tests)
+        bits = boxes_in_shaft(
+            geometry.planes, node, nears[0], nears[1], nears[2], memory.beam, low, high, tests
+        )
         first = depth
         while bits:
             lane = lowest_bit(bits)
@@ -115,7 +119,7 @@ def _walk_along(geometry, memory, way, low, count, any_hit):  # type: ignore[no-
 
 
 @device
-def _meets_instances(scene, memory, skip):  # type: ignore[no-untyped-def]
+def _meets_instances(scene, memory, nears, low, high, skip):  # type: ignore[no-untyped-def]
     """Whether a group may meet the box of any instance."""
     stack, tests = memory.single.stack, memory.single.tests
     if not scene.top_planes.shape[0]:
@@ -129,7 +133,9 @@ def _meets_instances(scene, memory, skip):  # type: ignore[no-untyped-def]
             if scene.top_row[-1 - node] != skip:
                 return True
             continue
-        bits = boxes_in_shaft(scene.top_planes, node, memory.beam, tests)
+        bits = boxes_in_shaft(
+            scene.top_planes, node, nears[0], nears[1], nears[2], memory.beam, low, high, tests
+        )
         while bits:
             lane = lowest_bit(bits)
             bits &= bits - 1
@@ -171,6 +177,26 @@ def _enclose(memory, d, high, count):  # type: ignore[no-untyped-def]
 
 
 @device
+def _slabs(beam, d):  # type: ignore[no-untyped-def]
+    """Fill in what tests of boxes need; 0 for axes along which the rays run upwards, else 3.
+
+    The origins' least and largest coordinates are where :func:`enclose_starts` left them.
+    """
+    for axis in range(3):
+        inverse = finite_inverse(d[axis])
+        beam[_INVERSE + axis] = inverse
+        if inverse >= 0:
+            least = beam[_FIRST + axis]
+            beam[_FIRST + axis] = beam[_LAST + axis]
+            beam[_LAST + axis] = least
+    return (
+        0 if beam[_INVERSE] >= 0 else 3,
+        0 if beam[_INVERSE + 1] >= 0 else 3,
+        0 if beam[_INVERSE + 2] >= 0 else 3,
+    )
+
+
+@device
 def _trace_group(scene, memory, d, low, high, skip, any_hit, count):  # type: ignore[no-untyped-def]
     """Whether each of ``memory.starts`` meets anything: then ``memory.triangle`` is not -1.
 
@@ -184,11 +210,12 @@ def _trace_group(scene, memory, d, low, high, skip, any_hit, count):  # type: ig
             for axis in range(3):
                 memory.starts[axis, i] = memory.starts[axis, 0]
     way = _enclose(memory, d, high, count)
+    nears = _slabs(memory.beam, d)
     if scene.static.planes.shape[0]:
-        _walk_along(scene.static, memory, way, low, count, any_hit)
+        _walk_along(scene.static, memory, way, nears, low, high, count, any_hit)
     if any_hit and largest(memory.rays, _FARTHEST * _ROWS, groups) < np.float32(0):
         return
-    if _meets_instances(scene, memory, skip):
+    if _meets_instances(scene, memory, nears, low, high, skip):
         for i in range(count):
             limit = memory.rays[_FARTHEST, i]
             if limit < np.float32(0):

@@ -72,6 +72,37 @@ def meet_triangles(
     return builder.load(met)
 
 
+def slabs_crossed(
+    builder: Any, enters: list[Any], leaves: list[Any], low: Any, high: Any, entry: Any
+) -> Any:
+    """Bits of eight boxes whose three slabs are crossed at one time between ``low`` and ``high``.
+
+    Stores in ``entry`` where each box is entered. Rounding is met by growing each interval by one
+    part in a million, so that no triangle of a box is lost.
+    """
+    nearest = larger_of(builder, larger_of(builder, enters[0], enters[1]), enters[2])
+    farthest = smaller_of(builder, smaller_of(builder, leaves[0], leaves[1]), leaves[2])
+    nearest = larger_of(builder, builder.fmul(nearest, constant(1.0 - 1e-6)), low)
+    farthest = smaller_of(builder, builder.fmul(farthest, constant(1.0 + 1e-6)), high)
+    store_lanes(builder, nearest, entry, 0)
+    return bits_of(builder, builder.fcmp_ordered("<=", nearest, farthest))
+
+
+def slab_rows(builder: Any, node: Any, nears: list[Any]) -> list[tuple[Any, Any]]:
+    """Rows of a node's planes that a ray meets first and last, of each axis.
+
+    ``nears``: 0 where the ray runs upwards along the axis, 3 where downwards.
+    """
+    first = builder.mul(node, ir.Constant(I64, 6))
+    return [
+        (
+            builder.add(first, builder.add(near, ir.Constant(I64, axis))),
+            builder.add(first, builder.sub(ir.Constant(I64, axis + 3), near)),
+        )
+        for axis, near in enumerate(nears)
+    ]
+
+
 @_intrinsic
 def box_hits(  # type: ignore[no-untyped-def]
     typing_context, planes, node, near_x, near_y, near_z, ox, oy, oz, ix, iy, iz, low, high, entry
@@ -89,8 +120,7 @@ def box_hits(  # type: ignore[no-untyped-def]
         entry: ``(>= 8,)`` float32, receives the parameter at which each box is entered.
 
     Returns:
-        int64 whose bit ``k`` says that box ``k`` is met. Rounding is met by growing each interval
-        by one part in a million, so that no triangle of a box is lost.
+        int64 whose bit ``k`` says that box ``k`` is met.
     """
     signature = types.int64(
         planes, node, near_x, near_y, near_z, ox, oy, oz, ix, iy, iz, low, high, entry
@@ -102,23 +132,13 @@ def box_hits(  # type: ignore[no-untyped-def]
         origin = [splat(builder, v) for v in values[5:8]]
         inverse = [splat(builder, v) for v in values[8:11]]
         enter, leave = splat(builder, values[11]), splat(builder, values[12])
-        first = builder.mul(row, ir.Constant(I64, 6))
         enters: list[Any] = []
         leaves: list[Any] = []
-        for axis in range(3):
-            near_row = builder.add(first, builder.add(nears[axis], ir.Constant(I64, axis)))
-            far_row = builder.add(first, builder.sub(ir.Constant(I64, axis + 3), nears[axis]))
-            for found, plane in ((enters, near_row), (leaves, far_row)):
+        for axis, rows in enumerate(slab_rows(builder, row, nears)):
+            for found, plane in zip((enters, leaves), rows, strict=True):
                 distance = builder.fsub(load_lanes(builder, data, plane), origin[axis])
                 found.append(builder.fmul(distance, inverse[axis]))
-        grown_enter = constant(1.0 - 1e-6)
-        grown_leave = constant(1.0 + 1e-6)
-        nearest = larger_of(builder, larger_of(builder, enters[0], enters[1]), enters[2])
-        farthest = smaller_of(builder, smaller_of(builder, leaves[0], leaves[1]), leaves[2])
-        nearest = larger_of(builder, builder.fmul(nearest, grown_enter), enter)
-        farthest = smaller_of(builder, builder.fmul(farthest, grown_leave), leave)
-        store_lanes(builder, nearest, values[13], 0)
-        return bits_of(builder, builder.fcmp_ordered("<=", nearest, farthest))
+        return slabs_crossed(builder, enters, leaves, enter, leave, values[13])
 
     return signature, codegen
 

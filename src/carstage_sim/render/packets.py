@@ -2,8 +2,8 @@
 
 A packet has up to 64 rays. The bounds of their directions tell at once which boxes and triangles
 none of them meets; a triangle is then tested against those rows of eight rays that it may cover.
-Each ray meets exactly what :func:`carstage_sim.render.cast.trace` finds for it: the tests of a ray with a
-triangle are the same operations, and what is left out is only what a ray cannot meet.
+Each ray meets exactly what :func:`carstage_sim.render.cast.trace` finds for it: the tests of a ray
+with a triangle are the same operations, and what is left out is only what a ray cannot meet.
 """
 
 from __future__ import annotations

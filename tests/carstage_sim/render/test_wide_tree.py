@@ -54,6 +54,14 @@ def test_every_box_is_in_exactly_one_leaf_inside_its_parents(seed, count, leaf, 
     assert sorted(members_of(0)) == list(range(count))
 
 
+def test_leaves_and_nodes_are_nearly_full():
+    rng = np.random.default_rng(1)
+    low = rng.uniform(-100, 100, (4000, 3)).astype(np.float32)
+    tree = build_tree(low, low + rng.uniform(0, 5, (4000, 3)).astype(np.float32), 8)
+    assert tree.leaf_count.mean() > 7
+    assert (tree.planes[:, 0] < np.inf).sum(axis=1).mean() > 5.5
+
+
 def test_blocks_hold_each_triangle_with_its_corners():
     rng = np.random.default_rng(0)
     corners = rng.normal(size=(101, 3, 3)).astype(np.float32)

@@ -17,7 +17,9 @@ from carstage_sim.render.caster import Hits, RayCaster, picture_packets
 from carstage_sim.render.packet_simd import PACKET
 from carstage_sim.render.quality import Sampling
 from carstage_sim.render.scene import Frame
+from carstage_sim.render.simd import lowest_bit
 from carstage_sim.render.surface import is_leaf
+from carstage_sim.render.vector_code import LANES, pixels_apart
 
 _ROWS = 16
 """Rows of pixels per piece of work."""
@@ -66,18 +68,27 @@ def _mark(static, actors, row, triangle, codes, strong, weak, first, last, marke
     """
     height, width = codes.shape[0], codes.shape[1]
     for y in range(first, last):
-        for x in range(width):
-            i = y * width + x
-            for below in range(2):
-                v, u = y + below, x + 1 - below
-                if v >= height or u >= width:
-                    continue
-                apart = _apart(codes, y, x, v, u)
-                if apart > strong or (
-                    apart > weak and _unlike(static, actors, row, triangle, i, v * width + u)
-                ):
-                    marked[i] = _ROUGH
-                    marked[v * width + u] = _ROUGH
+        for below in range(2):
+            v, end = y + below, width - 1 + below
+            if v >= height:
+                continue
+            x = 0
+            while x < end:
+                i, j = y * width + x, v * width + x + 1 - below
+                if x + LANES <= end:
+                    apart = pixels_apart(codes, i, j, weak)
+                    far = pixels_apart(codes, i, j, strong)
+                    x += LANES
+                else:
+                    most = _apart(codes, y, x, v, x + 1 - below)
+                    apart, far = int(most > weak), int(most > strong)
+                    x += 1
+                while apart:
+                    k = lowest_bit(apart)
+                    apart &= apart - 1
+                    if (far >> k) & 1 or _unlike(static, actors, row, triangle, i + k, j + k):
+                        marked[i + k] = _ROUGH
+                        marked[j + k] = _ROUGH
 
 
 @device

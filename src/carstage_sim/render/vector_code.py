@@ -121,6 +121,48 @@ def fetch_ahead(typing_context, array, place):  # type: ignore[no-untyped-def]
     return types.void(array, place), codegen
 
 
+@_intrinsic
+def pixels_apart(typing_context, codes, pixel, other, least):  # type: ignore[no-untyped-def]
+    """Which of eight pixels differ from eight others by more than ``least`` in any code.
+
+    Args:
+        typing_context: numba's.
+        codes: uint8, four of each pixel.
+        pixel, other: the first of the eight, and of the others.
+        least: 0 or more.
+
+    Returns:
+        int64 whose bit ``k`` says that the pixels ``k`` do.
+    """
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        data, *pixels, limit = unpack(context, builder, signature, args)
+        byte, count = ir.IntType(8), 4 * LANES
+        kind = ir.VectorType(byte, count)
+        nothing = ir.Constant(kind, None)
+        one, two = (
+            builder.load(
+                builder.bitcast(
+                    builder.gep(data, [builder.mul(k, ir.Constant(I64, 4))]), kind.as_pointer()
+                ),
+                align=1,
+            )
+            for k in pixels
+        )
+        more = builder.icmp_unsigned(">", one, two)
+        apart = builder.select(more, builder.sub(one, two), builder.sub(two, one))
+        most = ir.Constant(I64, 255)
+        limit = builder.select(builder.icmp_signed("<", limit, most), limit, most)
+        lane = builder.insert_element(nothing, builder.trunc(limit, byte), ir.Constant(I32, 0))
+        mask = ir.Constant(ir.VectorType(I32, count), [0] * count)
+        beyond = builder.icmp_unsigned(">", apart, builder.shuffle_vector(lane, nothing, mask))
+        words = builder.bitcast(builder.sext(beyond, kind), ir.VectorType(I32, LANES))
+        zeros = ir.Constant(ir.VectorType(I32, LANES), None)
+        return bits_of(builder, builder.icmp_unsigned("!=", words, zeros))
+
+    return types.int64(codes, pixel, other, least), codegen
+
+
 def unpack(context: Any, builder: Any, signature: Any, args: Any) -> list[Any]:
     """Arguments with arrays replaced by their data pointers, float scalars as float32."""
     values = []

@@ -93,6 +93,41 @@ def test_what_has_no_contrast_is_left_alone():
     assert not marks(grid(0), contrast=False).any()
 
 
+@pytest.mark.parametrize("width", [1, 7, 8, 9, 16, 29])
+def test_neighbours_that_differ_are_marked_wherever_they_are(width):
+    """By epic sampling: a strong difference counts on one triangle, a weak one between two."""
+    rng = np.random.default_rng(width)
+    height, count = 20, 20 * width
+    triangle = rng.integers(0, 2, count).astype(np.int32)
+    codes = rng.integers(100, 104, (height, width, 4)).astype(np.uint8)
+    codes[rng.random((height, width)) < 0.1, rng.integers(0, 3)] += 14
+    codes[rng.random((height, width)) < 0.04, rng.integers(0, 3)] -= 40
+    codes[..., 3] = 255
+    corners = np.array([[[0, 0, 0], [0, 1, 0], [0, 0, 1.0]], [[0, 0, 0], [1, 0, 0], [0, 0, 1.0]]])
+    hits = Hits(
+        np.zeros(3, np.float32), np.ones((count, 3), np.float32), np.ones(count, np.float32),
+        np.full(count, -1, np.int32), triangle, np.zeros((count, 2), np.float32),
+    )  # fmt: skip
+    sampling, caster = SAMPLING[Quality.EPIC], RayCaster(1)
+    frame = frame_of(soup(corners))
+    found = rough_pixels(caster, frame, material_table().detail, hits, codes, sampling)
+    caster.close()
+    wanted = np.zeros((height, width), bool)
+    kinds = triangle.reshape(height, width)
+    for one, other in (
+        (np.s_[:, :-1], np.s_[:, 1:]),
+        (np.s_[:-1], np.s_[1:]),
+    ):
+        apart = abs(codes[one][..., :3].astype(int) - codes[other][..., :3]).max(-1, initial=0)
+        differ = (apart > sampling.strong) | (
+            (apart > sampling.weak) & (kinds[one] != kinds[other])
+        )
+        wanted[one] |= differ
+        wanted[other] |= differ
+    assert 0.1 < wanted.mean() < 0.95
+    assert np.array_equal(found.marks.reshape(height, width), wanted)
+
+
 def test_epic_pictures_sample_all_of_them():
     assert (marks(grid(0), quality=Quality.EPIC) == 1).all()
 

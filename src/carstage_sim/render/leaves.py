@@ -18,16 +18,16 @@ from carstage_sim.render.detail import hash_unit
 _ZERO: Any = np.float32(0)
 _ONE: Any = np.float32(1)
 _HALF: Any = np.float32(0.5)
-_BARE: Any = np.float32(0.08)
+BARE: Any = np.float32(0.08)
 """Share of the cells that hold no leaf."""
-_LONG: Any = np.float32(0.48)
-_WIDE: Any = np.float32(0.34)
+LONG: Any = np.float32(0.48)
+WIDE: Any = np.float32(0.34)
 """Half length and half width of the smallest leaf, in cells."""
-_GROWTH: Any = np.float32(0.36)
+GROWTH: Any = np.float32(0.36)
 """By how much the largest leaf is longer than the smallest."""
-_ASIDE: Any = np.float32(0.17)
+ASIDE: Any = np.float32(0.17)
 """How far a leaf may be from the middle of its cell."""
-_SEED = 101
+SEED = 101
 _LEAF_M: Any = np.float32(0.12)
 """About a leaf's length: where pixels are larger, all leaves have one colour."""
 
@@ -45,7 +45,7 @@ def leaf_at(cells, number, u, v):  # type: ignore[no-untyped-def]
         ``(cell, along, across)``: a number of the leaf's cell, negative where there is a gap, and
         the place on the leaf, each from -1 to 1.
     """
-    # trace.wgsl has the same for cards.
+    # trace.wgsl has the same for cards, and leaf_lanes for eight rays at once.
     rows, columns = np.float32(cells & 15), np.float32(cells >> 4)
     x, y = u * rows, v * columns
     fx, fy = max(np.floor(x), _ZERO), max(np.floor(y), _ZERO)
@@ -53,17 +53,17 @@ def leaf_at(cells, number, u, v):  # type: ignore[no-untyped-def]
     if (fx + _ONE) * columns + (fy + _ONE) * rows > rows * columns + np.float32(0.01):
         return -1, _ZERO, _ZERO
     cell = int(fx) + 16 * int(fy)
-    chance = hash_unit(cell, number, _SEED)
-    if chance < _BARE:
+    chance = hash_unit(cell, number, SEED)
+    if chance < BARE:
         return -1, _ZERO, _ZERO
-    turn = hash_unit(cell, number, _SEED + 1) * np.float32(2) - _ONE
+    turn = hash_unit(cell, number, SEED + 1) * np.float32(2) - _ONE
     scale = _ONE / (_ONE + turn * turn)
     cosine, sine = (_ONE - turn * turn) * scale, (turn + turn) * scale
-    x = x - fx - _HALF - _ASIDE * turn
-    y = y - fy - _HALF - _ASIDE * (chance + chance - _ONE)
-    size = _ONE / (_ONE + _GROWTH * chance)
-    along = (cosine * x + sine * y) * size * (_ONE / _LONG)
-    across = (cosine * y - sine * x) * size * (_ONE / _WIDE)
+    x = x - fx - _HALF - ASIDE * turn
+    y = y - fy - _HALF - ASIDE * (chance + chance - _ONE)
+    size = _ONE / (_ONE + GROWTH * chance)
+    along = (cosine * x + sine * y) * size * (_ONE / LONG)
+    across = (cosine * y - sine * x) * size * (_ONE / WIDE)
     if abs(across) > _ONE - along * along:
         return -1, _ZERO, _ZERO
     return cell, along, across
@@ -88,7 +88,7 @@ def leaf_colour(cells, owner, number, u, v, pixel):  # type: ignore[no-untyped-d
     spray = hash_unit(number, 7, 9)
     cell, along, across = leaf_at(cells, number, u, v)
     near = min(max((_LEAF_M - pixel) * (_ONE / _LEAF_M), _ZERO), _ONE)
-    leaf = (hash_unit(cell, number, _SEED + 2) - _HALF) * near
+    leaf = (hash_unit(cell, number, SEED + 2) - _HALF) * near
     value = np.float32(0.86) + np.float32(0.28) * spray + np.float32(0.5) * leaf
     value += np.float32(0.24) * (tree - _HALF)
     # A leaf is folded a little along its middle: one half is turned to the light.

@@ -53,7 +53,7 @@ def _splat(builder: Any, scalar: Any) -> Any:
     return builder.shuffle_vector(first, ir.Constant(_REALS, None), mask)
 
 
-def _hash(builder: Any, mixed: Any) -> Any:
+def hash_lanes(builder: Any, mixed: Any) -> Any:
     """A number in [0, 1) of each lane; see ``detail.hash_unit``."""
     h = builder.mul(builder.xor(mixed, builder.lshr(mixed, _whole(13))), _whole(1274126177))
     h = builder.mul(builder.xor(h, builder.lshr(h, _whole(16))), _whole(2654435761))
@@ -92,7 +92,7 @@ def _codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         builder.mul(builder.add(j, _whole(1)), _whole(668265263)),
     )
     corners = [
-        _hash(builder, builder.add(builder.add(column, row), seeded))
+        hash_lanes(builder, builder.add(builder.add(column, row), seeded))
         for row in down
         for column in across
     ]

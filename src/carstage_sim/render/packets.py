@@ -25,7 +25,7 @@ from carstage_sim.render.beam_simd import (
     triangles_in_beam,
 )
 from carstage_sim.render.cast import NOTHING, STATIC, Scratch, new_scratch, trace, trace_actors
-from carstage_sim.render.leaves import is_gap
+from carstage_sim.render.leaf_lanes import on_leaves
 from carstage_sim.render.packet_simd import PACKET, largest
 from carstage_sim.render.simd import lowest_bit
 from carstage_sim.render.vector_code import LANES
@@ -203,6 +203,8 @@ def _leaf(geometry, memory, block, main, low, farthest):  # type: ignore[no-unty
             geometry.corners, block, lane, kx, ky, kz, memory.beam, rays, rows, low, found
         )
         cells = geometry.cells[block, lane]
+        if cells and bits:
+            bits = on_leaves(bits, found, cells, index)
         while bits:
             i = lowest_bit(bits)
             bits &= bits - 1
@@ -210,8 +212,6 @@ def _leaf(geometry, memory, block, main, low, farthest):  # type: ignore[no-unty
             known = memory.triangle[i]
             # At the very end of the interval nothing counts that came after it.
             if t < rays[_FARTHEST, i] or (0 <= index < known):
-                if cells and is_gap(cells, index, found[1, i], found[2, i]):
-                    continue
                 rays[_FARTHEST, i] = t
                 memory.triangle[i] = index
                 memory.weights[0, i] = found[1, i]

@@ -12,7 +12,7 @@ import numpy as np
 
 from carstage_sim.kernels import device
 from carstage_sim.render.cast import NOTHING, finite_inverse, trace_actors
-from carstage_sim.render.leaves import is_gap
+from carstage_sim.render.leaf_lanes import on_leaves
 from carstage_sim.render.packet_simd import PACKET, largest
 from carstage_sim.render.shaft_simd import (
     boxes_in_shaft,
@@ -62,11 +62,11 @@ def _leaf(geometry, memory, block, way, low, any_hit):  # type: ignore[no-untype
             low, found,
         )  # fmt: skip
         cells = geometry.cells[block, lane]
+        if cells and bits:
+            bits = on_leaves(bits, found, cells, index)
         while bits:
             i = lowest_bit(bits)
             bits &= bits - 1
-            if cells and is_gap(cells, index, found[1, i], found[2, i]):
-                continue
             memory.triangle[i] = index
             if any_hit:
                 rays[_FARTHEST, i] = _BLOCKED

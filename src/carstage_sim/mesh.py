@@ -107,10 +107,6 @@ class Material(IntEnum):
     """Repairs."""
     COVER = 76
     """Of a manhole or a gully."""
-    ASPHALT_WORN = 77
-    """Where most wheels run."""
-    ASPHALT_TRACK = 78
-    """Between that and the rest of the lane."""
 
 
 LEAF_CELLS: dict[Material, tuple[int, int]] = {

@@ -280,7 +280,7 @@ def _ribbon(
 def _surround(
     drawing: WallDrawing, style: FacadeStyle, u: tuple[float, float], v: tuple[float, float]
 ) -> None:
-    """A sill that sheds the rain and, in brick, a lintel: what is seen from the street."""
+    """A sill that sheds the rain and, on old houses, a lintel: what is seen from the street."""
     if style.glazing > _CURTAIN_WALL:
         return
     p, (u0, u1), (low, high) = drawing.place, (u[0] - 0.09, u[1] + 0.09), (v[0] - 0.09, v[0])
@@ -288,7 +288,7 @@ def _surround(
     below = (p(u0, low, 0.0), p(u1, low, 0.0), p(u1, low, 0.12), p(u0, low, 0.12))
     above = (p(u0, high, 0.0), p(u1, high, 0.0), p(u1, high, 0.12), p(u0, high, 0.12))
     drawing.quads.add(style.trim, *(below if low > _EYE_M else above))
-    if style.wall == Material.BRICK:
+    if style.wall != Material.CONCRETE:
         drawing.panel(style.trim, u[0] - 0.14, u[1] + 0.14, v[1], v[1] + 0.16, 0.015)
 
 

@@ -27,11 +27,6 @@ _REPAIR_EVERY_M = 60.0
 _MANHOLE_EVERY_M = 46.0
 _GULLY_EVERY_M = 24.0
 _RIM_M = 0.045
-_WHEEL_M = 0.78
-"""Half the track of a car."""
-_TRACK_HALF_M = (0.2, 0.42)
-_LEAST_TRACKED_M = 2.6
-_TRACK_OFF_M = 0.06
 _MANHOLE_M = 0.31
 _GULLY_M = (0.5, 0.36)
 _WIDEST_GUTTER_M = 1.2
@@ -47,18 +42,14 @@ class RoadWear:
         covers: of iron.
         repairs: newer asphalt.
         tar: in seams, and rims of what else is here.
-        worn: where most wheels run, in the middle of a track.
-        tracks: the whole width of the tracks.
     """
 
     covers: BaseGeometry
     repairs: BaseGeometry
     tar: BaseGeometry
-    worn: BaseGeometry
-    tracks: BaseGeometry
 
 
-UNWORN = RoadWear(*[shapely.Polygon()] * 5)
+UNWORN = RoadWear(*[shapely.Polygon()] * 3)
 
 
 def road_wear(
@@ -68,7 +59,6 @@ def road_wear(
     covers: list[BaseGeometry] = []
     repairs: list[BaseGeometry] = []
     tar: list[BaseGeometry] = []
-    wheels: dict[float, list[BaseGeometry]] = {half: [] for half in _TRACK_HALF_M}
     streets = {lane.road_id for lane in lanes if lane.kind in WALKED_KINDS}
     for lane in lanes:
         if lane.junction_id != -1 or lane.along_m[-1] < _SHORTEST_M:
@@ -77,8 +67,6 @@ def road_wear(
         if lane.kind == "driving":
             tar += _seams(lane, rng)
         if lane.kind == "driving" and in_town:
-            for half, found in wheels.items():
-                found += _tracks(lane, half)
             tar += _cracks(lane, rng)
             repairs += _repairs(lane, rng)
             covers += _manholes(lane, rng)
@@ -86,32 +74,9 @@ def road_wear(
             covers += _gullies(lane, rng)
     free = shapely.union_all([walk.buffer(0.5) for walk in crosswalks])
     iron, newer = shapely.union_all(covers), shapely.union_all(repairs)
-    rims = [shape.buffer(_RIM_M, join_style="mitre") for shape in (iron, newer)]
-    ways = [shapely.union_all(found) for found in wheels.values()]
-    areas = (iron, newer, shapely.union_all([*tar, *rims]), *ways)
+    rims = [newer.buffer(_RIM_M, join_style="mitre")]
+    areas = (iron, newer, shapely.union_all([*tar, *rims]))
     return RoadWear(*(area.difference(free) for area in areas))
-
-
-def _tracks(lane: Strip, half_m: float) -> list[BaseGeometry]:
-    """Where the wheels of most vehicles run: two strips along the lane."""
-    middle = lane.width_m / 2
-    if middle.min() < _LEAST_TRACKED_M / 2:
-        return []
-    found = []
-    for side in (-1.0, 1.0):
-        edges = [
-            lane.center + _normals(lane) * (side * _WHEEL_M + off) for off in (-half_m, half_m)
-        ]
-        strip = shapely.Polygon(np.concatenate([edges[0], edges[1][::-1]]))
-        if strip.is_valid:
-            found.append(strip.simplify(_TRACK_OFF_M))
-    return found
-
-
-def _normals(lane: Strip) -> NDArray[np.float64]:
-    """``(N, 2)`` unit vectors to the right."""
-    yaw = np.radians(lane.yaw_deg)
-    return np.stack([-np.sin(yaw), np.cos(yaw)], axis=1)
 
 
 def _count(lane: Strip, every_m: float, rng: np.random.Generator) -> int:
@@ -178,7 +143,7 @@ def _repairs(lane: Strip, rng: np.random.Generator) -> list[BaseGeometry]:
 
 
 def _manholes(lane: Strip, rng: np.random.Generator) -> list[BaseGeometry]:
-    turn = np.radians(np.arange(0.0, 360.0, 45.0))
+    turn = np.radians(np.arange(0.0, 360.0, 22.5))
     disc = _MANHOLE_M * np.stack([np.cos(turn), np.sin(turn)], axis=1)
     found: list[BaseGeometry] = []
     for _ in range(_count(lane, _MANHOLE_EVERY_M, rng)):

@@ -218,8 +218,6 @@ def ground_layers(
                 (wear.covers, Material.COVER),
                 (wear.repairs, Material.ASPHALT_NEW),
                 (wear.tar.difference(ground.gutter), Material.TAR),
-                (wear.worn, Material.ASPHALT_WORN),
-                (wear.tracks, Material.ASPHALT_TRACK),
             )
         ),
         Layer(ground.gutter, Material.GUTTER, label.ROADS, 0.0),

@@ -107,7 +107,7 @@ def asphalt(x, y, pixel):  # type: ignore[no-untyped-def]
     value *= _ONE - np.float32(0.6) * min(max(stains - np.float32(0.42), _ZERO), np.float32(0.4))
     # Poured tar: pieces of the zero lines of a slow noise.
     line, width = abs(seam), np.float32(0.009) + pixel * np.float32(0.2)
-    if line < width and slow + stains > 0:
+    if line < width and slow + stains > np.float32(0.2):
         deep = min(np.float32(2) * (_ONE - line / width), _ONE)
         value *= _ONE - np.float32(0.5) * deep * min(
             np.float32(0.035) / (pixel + np.float32(0.006)), _ONE
@@ -211,9 +211,9 @@ def _litter(x, y, pixel, share, seed):  # type: ignore[no-untyped-def]
 @device
 def paving(x, y, s, t, pixel):  # type: ignore[no-untyped-def]
     """Colour factors of slabs in a half bond: some replaced, seams with moss, stains, leaves."""
-    tint, seam = tiles(s, t, np.float32(0.6), np.float32(0.4), np.float32(0.014), _ONE, pixel, 3)
+    tint, seam = tiles(s, t, np.float32(0.6), np.float32(0.4), np.float32(0.011), _ONE, pixel, 3)
     worn = faded(x, y, np.float32(2.3), pixel, 8)
-    value = (_ONE + np.float32(0.1) * tint) * (_ONE - np.float32(0.5) * seam)
+    value = (_ONE + np.float32(0.1) * tint) * (_ONE - np.float32(0.42) * seam)
     if tint > np.float32(0.86):
         value *= np.float32(0.84)
     value += np.float32(0.09) * worn + np.float32(0.08) * faded(x, y, np.float32(0.05), pixel, 9)

@@ -181,8 +181,6 @@ APPEARANCES: dict[Material, MaterialAppearance] = {
     Material.TACTILE: MaterialAppearance((186, 178, 152), 0.9, 0.03, Detail.TACTILE),
     Material.TAR: MaterialAppearance((38, 38, 40), 0.85, 0.03, Detail.GRAIN),
     Material.ASPHALT_NEW: MaterialAppearance((58, 58, 60), 0.85, 0.03, Detail.ASPHALT),
-    Material.ASPHALT_WORN: MaterialAppearance((78, 78, 79), 0.8, 0.03, Detail.ASPHALT),
-    Material.ASPHALT_TRACK: MaterialAppearance((82, 82, 82), 0.82, 0.03, Detail.ASPHALT),
     Material.COVER: MaterialAppearance((64, 60, 56), 0.8, 0.04, Detail.COVER),
     Material.PICTURE: MaterialAppearance((128, 128, 128), 0.9, 0.02, Detail.PICTURE),
 }

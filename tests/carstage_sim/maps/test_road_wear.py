@@ -14,8 +14,7 @@ from carstage_sim.maps.strips import crosswalks, strips
 from carstage_sim.mesh import Material
 
 WORN = (
-    Material.COVER, Material.ASPHALT_NEW, Material.TAR, Material.ASPHALT_WORN,
-    Material.ASPHALT_TRACK,
+    Material.COVER, Material.ASPHALT_NEW, Material.TAR,
 )  # fmt: skip
 
 
@@ -30,7 +29,7 @@ def wear_of(lanes_and_walks, seed=3):
 
 
 def parts(wear):
-    return [wear.covers, wear.repairs, wear.tar, wear.worn, wear.tracks]
+    return [wear.covers, wear.repairs, wear.tar]
 
 
 def test_all_kinds_of_wear_lie_on_lanes_that_are_driven_or_beside_them(lanes_and_walks):

@@ -95,6 +95,18 @@ class Material(IntEnum):
     WOODS = 68
     PICTURE = 69
     """Hills with trees, from afar."""
+    SHOP_WINDOW = 70
+    HOUSE_DOOR = 71
+    GUTTER = 72
+    """Beside a road, of stones in a row."""
+    TACTILE = 73
+    """Studded stones where a sidewalk is lowered for a crossing."""
+    TAR = 74
+    """Poured into cracks and along the rims of repairs."""
+    ASPHALT_NEW = 75
+    """Repairs."""
+    COVER = 76
+    """Of a manhole or a gully."""
 
 
 LEAF_CELLS: dict[Material, tuple[int, int]] = {

@@ -20,8 +20,13 @@ from carstage_sim.mesh import Material, TriangleMesh
 _SHOPS = (
     "ORLANE", "CAFE MIRO", "TAVENA", "BOOKS", "MODA VELA", "FLORA", "BISTRO 21", "OPTIK", "PIZZA",
     "BAKERY", "KIOSK", "SHOES", "NORDEN", "HAIR", "PHARMACY", "TEA HOUSE", "FRUIT", "RADIO",
+    "LUMARA", "CAFE ANIS", "VINTEO", "PAPER", "KORVELLE", "GALERIA", "SPORT 7", "TAILOR",
 )  # fmt: skip
 """Invented names and plain words."""
+
+_CURTAIN_WALL = 0.7
+"""Glazing from which a facade has no windows of its own, but glass from bay to bay."""
+_EYE_M = 1.6
 
 UVN = tuple[float, float, float]
 
@@ -60,7 +65,8 @@ class WallDrawing:
     wall: Wall
     quads: Quads
 
-    def _place(self, u: float, v: float, out: float) -> UVN:
+    def place(self, u: float, v: float, out: float) -> UVN:
+        """A point of the wall's drawing in the building's frame."""
         (x, y), (ax, ay), (nx, ny) = self.wall.corner, self.wall.along, self.wall.outward
         return (x + u * ax + out * nx, y + u * ay + out * ny, v)
 
@@ -68,7 +74,7 @@ class WallDrawing:
         self, material: Material, u0: float, u1: float, v0: float, v1: float, out: float = 0.0
     ) -> None:
         """A rectangle parallel to the wall."""
-        p = self._place
+        p = self.place
         self.quads.add(material, p(u0, v0, out), p(u1, v0, out), p(u1, v1, out), p(u0, v1, out))
 
     def slab(
@@ -79,7 +85,7 @@ class WallDrawing:
         out: tuple[float, float],
     ) -> None:
         """A box on the wall, without the face that touches it."""
-        p, (u0, u1), (v0, v1), (o0, o1) = self._place, u, v, out
+        p, (u0, u1), (v0, v1), (o0, o1) = self.place, u, v, out
         self.panel(material, u0, u1, v0, v1, o1)
         for at in (v0, v1):
             self.quads.add(material, p(u0, at, o0), p(u1, at, o0), p(u1, at, o1), p(u0, at, o1))
@@ -95,7 +101,7 @@ class WallDrawing:
         depth_m: float,
     ) -> None:
         """A pane set back into the wall, with the four sides of the hole; flat without depth."""
-        (u0, u1), (v0, v1), p = u, v, self._place
+        (u0, u1), (v0, v1), p = u, v, self.place
         self.panel(pane, u0, u1, v0, v1, -depth_m)
         if depth_m == 0.0:
             return
@@ -116,7 +122,7 @@ class WallDrawing:
         high: tuple[float, float],
     ) -> None:
         """A slanted plate such as an awning, between two (v, out) lines."""
-        p = self._place
+        p = self.place
         self.quads.add(
             material,
             p(u[0], *low), p(u[1], *low), p(u[1], *high), p(u[0], *high),
@@ -164,12 +170,19 @@ def draw_front(
         _entrance_floor(drawing, style)
     _storeys(drawing, style, floors, style.recess_m, framed=True)
     _course(drawing, style, style.ground_floor_m - 0.12, 0.24, 0.1)
+    if style.wall == Material.PLASTER:
+        for floor in range(1, floors - 1):
+            _course(drawing, style, style.ground_floor_m + floor * style.floor_m, 0.1, 0.05)
     if style.balcony_every:
         _balconies(drawing, style, floors)
     top = style.ground_floor_m + (floors - 1) * style.floor_m
     drawing.slab(Material.METAL, (0.1, 0.2), (0.0, top - 0.2), (0.02, 0.13))
     if style.roof == "flat":
         drawing.slab(style.trim, (0.0, length), (top - 0.2, top + 0.25), (0.0, 0.3))
+        drawing.slab(style.trim, (0.0, length), (top - 0.42, top - 0.2), (0.0, 0.12))
+    else:
+        drawing.slab(style.trim, (0.0, length), (top - 0.5, top - 0.32), (0.0, 0.14))
+        drawing.slab(Material.METAL, (0.0, length), (top - 0.3, top - 0.16), (0.34, 0.5))
 
 
 def draw_plain(drawing: WallDrawing, style: FacadeStyle, floors: int, *, windows: bool) -> None:
@@ -226,26 +239,57 @@ def _row(
     framed: bool,
 ) -> None:
     """One row of windows and the piers between them."""
+    if style.glazing > _CURTAIN_WALL and recess_m > 0.0:
+        _ribbon(drawing, style, windows, v, recess_m)
+        return
     left = 0.0
     for u0, u1 in windows:
         drawing.panel(style.wall, left, u0, *v)
         drawing.opening(Material.FACADE_WINDOW, style.trim, (u0, u1), v, recess_m)
         if framed:
-            _frame(drawing, (u0, u1), v, recess_m)
+            _surround(drawing, style, (u0, u1), v)
         left = u1
     drawing.panel(style.wall, left, drawing.wall.length_m, *v)
 
 
-def _frame(
-    drawing: WallDrawing, u: tuple[float, float], v: tuple[float, float], recess_m: float
+def _ribbon(
+    drawing: WallDrawing,
+    style: FacadeStyle,
+    windows: list[tuple[float, float]],
+    v: tuple[float, float],
+    recess_m: float,
 ) -> None:
-    """A mullion and, in tall windows, a transom."""
-    middle, half = (u[0] + u[1]) / 2, 0.035
-    out = 0.04 - recess_m
-    drawing.panel(Material.SIGN_WHITE, middle - half, middle + half, *v, out)
-    if v[1] - v[0] > 1.4:
-        at = v[1] - 0.45
-        drawing.panel(Material.SIGN_WHITE, *u, at - half, at + half, out)
+    """Glass from bay to bay behind mullions, with one reveal around all of it."""
+    length, p = drawing.wall.length_m, drawing.place
+    u0, u1 = windows[0][0], windows[-1][1]
+    drawing.panel(style.wall, 0.0, u0, *v)
+    drawing.panel(style.wall, u1, length, *v)
+    for at in v:
+        ends = (p(u0, at, 0), p(u1, at, 0), p(u1, at, -recess_m), p(u0, at, -recess_m))
+        drawing.quads.add(style.trim, *ends)
+    for at in (u0, u1):
+        ends = (p(at, v[0], 0), p(at, v[1], 0), p(at, v[1], -recess_m), p(at, v[0], -recess_m))
+        drawing.quads.add(style.trim, *ends)
+    joints = [(a[1] + b[0]) / 2 for a, b in pairwise(windows)]
+    for a, b in pairwise([u0, *joints, u1]):
+        drawing.panel(Material.FACADE_WINDOW, a, b, *v, -recess_m)
+    for (_, a), (b, _) in pairwise(windows):
+        drawing.panel(style.wall, a, b, *v)
+
+
+def _surround(
+    drawing: WallDrawing, style: FacadeStyle, u: tuple[float, float], v: tuple[float, float]
+) -> None:
+    """A sill that sheds the rain and, on old houses, a lintel: what is seen from the street."""
+    if style.glazing > _CURTAIN_WALL:
+        return
+    p, (u0, u1), (low, high) = drawing.place, (u[0] - 0.09, u[1] + 0.09), (v[0] - 0.09, v[0])
+    drawing.panel(style.trim, u0, u1, low, high, 0.12)
+    below = (p(u0, low, 0.0), p(u1, low, 0.0), p(u1, low, 0.12), p(u0, low, 0.12))
+    above = (p(u0, high, 0.0), p(u1, high, 0.0), p(u1, high, 0.12), p(u0, high, 0.12))
+    drawing.quads.add(style.trim, *(below if low > _EYE_M else above))
+    if style.wall != Material.CONCRETE:
+        drawing.panel(style.trim, u[0] - 0.14, u[1] + 0.14, v[1], v[1] + 0.16, 0.015)
 
 
 def _shops(drawing: WallDrawing, style: FacadeStyle, rng: np.random.Generator) -> None:
@@ -256,19 +300,13 @@ def _shops(drawing: WallDrawing, style: FacadeStyle, rng: np.random.Generator) -
     drawing.panel(style.wall, 0.0, length, 3.1, top)
     left = 0.0
     (names,) = rng.spawn(1)
-    for number, (a, b) in enumerate(pairwise(edges)):
+    for a, b in pairwise(edges):
         u0, u1 = float(a) + 0.35, float(b) - 0.35
         door = u0 + 1.1
         drawing.panel(style.trim, left, u0, 0.0, 3.1)
-        drawing.opening(
-            Material.GLASS_DARK if number % 2 else Material.WOOD,
-            style.trim,
-            (u0, door),
-            (0.0, 3.1),
-            0.5,
-        )
+        drawing.opening(Material.SHOP_WINDOW, style.trim, (u0, door), (0.0, 3.1), 0.5)
         drawing.panel(style.trim, door, u1, 0.0, 0.45)
-        drawing.opening(Material.FACADE_WINDOW, style.trim, (door, u1), (0.45, 3.1), 0.18)
+        drawing.opening(Material.SHOP_WINDOW, style.trim, (door, u1), (0.45, 3.1), 0.18)
         band = (Material.SIGN_RED, Material.PLASTIC_DARK, Material.WOOD, Material.SIGN_WHITE)
         sign = band[int(rng.integers(len(band)))]
         drawing.slab(sign, (u0, u1), (3.15, 3.75), (0.0, 0.12))
@@ -310,14 +348,14 @@ def _entrance_floor(drawing: WallDrawing, style: FacadeStyle) -> None:
             u0, u1 = middle - 0.65, middle + 0.65
         drawing.panel(style.wall, left, u0, 0.0, head)
         if number == door_bay:
-            drawing.opening(Material.WOOD, style.trim, (u0, u1), (0.0, head), 0.3)
+            drawing.opening(Material.HOUSE_DOOR, style.trim, (u0, u1), (0.0, head), 0.3)
             drawing.slab(style.trim, (u0 - 0.4, u1 + 0.4), (head + 0.1, head + 0.25), (0.0, 1.0))
         else:
             drawing.panel(style.wall, u0, u1, 0.0, sill)
             drawing.opening(
                 Material.FACADE_WINDOW, style.trim, (u0, u1), (sill, head), style.recess_m
             )
-            _frame(drawing, (u0, u1), (sill, head), style.recess_m)
+            _surround(drawing, style, (u0, u1), (sill, head))
         left = u1
     drawing.panel(style.wall, left, length, 0.0, head)
     drawing.slab(style.trim, (0.0, length), (0.0, 0.5), (0.0, 0.06))

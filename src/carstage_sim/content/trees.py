@@ -7,7 +7,7 @@ clump and from the crown's middle, so that each clump has a light and a dark sid
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -20,6 +20,9 @@ from carstage_sim.mesh import Material, TriangleMesh, build_mesh, merge_meshes
 _TAG = CityObjectLabel.VEGETATION
 GOLDEN_RAD = 2.399963
 """Turn from one clump to the next, so that no two are above each other."""
+STREET_TRUNK_M = 4.3
+PRUNED_M = 4.0
+"""Of trees beside roads: vehicles pass below them, and drivers see under them."""
 
 
 class Form(Enum):
@@ -47,6 +50,7 @@ class TreeKind:
         hang: how far the sprays' tips hang down, 0-1.
         bark: of trunk and limbs.
         thick: thickness of the trunk; 1 is usual for the height.
+        pruned_m: height below which no leaf hangs.
     """
 
     name: str
@@ -62,6 +66,7 @@ class TreeKind:
     hang: float = 0.3
     bark: Material = Material.BARK
     thick: float = 1.0
+    pruned_m: float = 0.0
 
 
 TREE_KINDS: tuple[TreeKind, ...] = (
@@ -109,6 +114,18 @@ class _Sprays:
     facing: NDArray[np.float64]
     along: NDArray[np.float64]
     deep: NDArray[np.bool_]
+
+
+def street_form(kind: TreeKind) -> TreeKind:
+    """The species as it is grown beside a road: a higher trunk, pruned below its crown."""
+    low, high = kind.height_m
+    return replace(
+        kind,
+        height_m=(low + STREET_TRUNK_M - kind.trunk_m, high + STREET_TRUNK_M - kind.trunk_m),
+        trunk_m=STREET_TRUNK_M,
+        pruned_m=PRUNED_M,
+        thick=0.72 * kind.thick,
+    )
 
 
 def tree_mesh(
@@ -288,10 +305,11 @@ def _spray_mesh(
         leaves = AUTUMN.get(leaves, leaves)
         shaded = AUTUMN.get(shaded, shaded)
     material = np.where(sprays.deep, int(shaded), int(leaves))
+    kept = corners[..., 2].min(axis=1) >= kind.pruned_m
     return build_mesh(
-        corners.reshape(-1, 3),
-        np.arange(3 * count).reshape(-1, 3),
-        material,
+        corners[kept].reshape(-1, 3),
+        np.arange(3 * int(kept.sum())).reshape(-1, 3),
+        material[kept],
         _TAG,
-        normals=np.repeat(sprays.facing[:, None, :], 3, axis=1),
+        normals=np.repeat(sprays.facing[kept, None, :], 3, axis=1),
     )

@@ -28,6 +28,7 @@ from carstage_sim.maps.horizon import hills_mesh
 from carstage_sim.maps.levels import station_levels
 from carstage_sim.maps.lights import light_sites
 from carstage_sim.maps.navmesh import fits_in_a_tile, navigation_file
+from carstage_sim.maps.road_wear import UNWORN, road_wear
 from carstage_sim.maps.scenery import scenery
 from carstage_sim.maps.signals import (
     LIGHT,
@@ -116,7 +117,7 @@ def bake(name: str, opendrive: str, options: BakeOptions = EVERYTHING) -> Town:
             "its roads have lane sections with a width"
         )
     seed = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big")
-    spawn_rng, scenery_rng, land_rng = np.random.default_rng(seed).spawn(3)
+    spawn_rng, scenery_rng, land_rng, wear_rng = np.random.default_rng(seed).spawn(4)
     levels = _levels(lanes, crosswalks(samples), plan)
     base = levels[0]
     logger.info("baking %s: %d lanes on %d levels; scenery", name, len(lanes), len(levels))
@@ -127,8 +128,11 @@ def bake(name: str, opendrive: str, options: BakeOptions = EVERYTHING) -> Town:
     surface: list[LevelSurface] = []
     for level in levels:
         pits, buildings = ([], []) if level.number else (stage.pits, stage.buildings)
+        wear = UNWORN
+        if options.scenery:
+            wear = road_wear(level.lanes, level.ground.crosswalks, wear_rng)
         layers = ground_layers(
-            level.ground, level.lanes, plan, level.stops, level.arrows, pits, buildings
+            level.ground, level.lanes, plan, level.stops, level.arrows, pits, buildings, wear
         )
         cuts = level.cuts if level.number else level.cuts + _land_cuts(level)
         surface.append(

@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from carstage_sim.content.shrubs import bush_mesh, far_tree_mesh, hedge_mesh, tuft_mesh
 from carstage_sim.content.street_furniture import bench_mesh
-from carstage_sim.content.trees import TREE_KINDS, Form, TreeKind, tree_mesh
+from carstage_sim.content.trees import TREE_KINDS, Form, TreeKind, street_form, tree_mesh
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.ground_mesh import LevelSurface
 from carstage_sim.maps.lots import Lot
@@ -20,7 +20,13 @@ from carstage_sim.maps.placement import SceneryPlacement
 from carstage_sim.maps.surfaces import Surfaces
 from carstage_sim.mesh import Material, TriangleMesh
 
-STREET_TREES = [kind for kind in TREE_KINDS if kind.form in (Form.ROUND, Form.COLUMN)]
+_LEAST_STREET_TREE_M = 8.0
+"""Lower species are for gardens: their crowns would be in the way."""
+STREET_TREES = [
+    street_form(kind)
+    for kind in TREE_KINDS
+    if kind.form in (Form.ROUND, Form.COLUMN) and kind.height_m[1] > _LEAST_STREET_TREE_M
+]
 _TURNED = (0.0, 0.0, 0.06, 0.35)
 """Shares of trees in autumn colours: summer, the first yellow leaves, October."""
 _GARDEN_TREES = 32

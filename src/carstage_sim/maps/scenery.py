@@ -7,6 +7,8 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from carstage_sim.content.buildings import building_mesh
+from carstage_sim.content.props import prop_mesh
+from carstage_sim.content.solids import placed
 from carstage_sim.content.street_furniture import (
     bench_mesh,
     bin_mesh,
@@ -40,6 +42,15 @@ _STEP_M = 8.0
 _FROM_KERB_M = 0.8
 _PIT_HALF_M = 0.6
 _BRIDGE_CLEARANCE_M = 3.0
+_FURNITURE = (
+    ("BikeParking", "bikeparking", (0.35, 0.75, 0.4)),
+    ("Mailbox", "mailbox", (0.22, 0.28, 0.6)),
+    ("PlantPot", "plantpot", (0.3, 0.3, 0.5)),
+    ("TrashCan", "trashcan", (0.25, 0.25, 0.5)),
+)
+"""What stands at kerbs where no bench, bin or hydrant does: name, kind of prop, half sizes."""
+_SUNK_M = 0.05
+"""How far furniture reaches into the ground, which may slope."""
 
 
 def scenery(
@@ -145,6 +156,12 @@ def _furnish(
                 placement.put("Bin", CityObjectLabel.STATIC, bin_mesh(), place)
             elif kind == 2:
                 placement.put("Hydrant", CityObjectLabel.STATIC, hydrant_mesh(), place)
+            else:
+                # Drawn apart, so that nothing else moves.
+                (own,) = rng.spawn(1)
+                name, prop, extent = _FURNITURE[int(own.integers(len(_FURNITURE)))]
+                mesh = placed(prop_mesh(f"static.prop.{prop}", extent), (0.0, 0.0, -_SUNK_M))
+                placement.put(name, CityObjectLabel.STATIC, mesh, _turned(place))
     return pits
 
 

@@ -16,6 +16,7 @@ from shapely.geometry.base import BaseGeometry
 
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.markings import lane_lines, painted_arrows, stop_lines, turn_arrows, zebra
+from carstage_sim.maps.road_wear import UNWORN, RoadWear
 from carstage_sim.maps.shrinking import shrunk
 from carstage_sim.maps.signals import GovernedLane, PaintedArrow, SignalPlan
 from carstage_sim.maps.strips import MEDIAN_KINDS, WALKED_KINDS, Strip
@@ -38,6 +39,8 @@ _SMALLEST_PARK_M2 = 1500.0
 _TERRAIN_MARGIN_M = 300.0
 _YARD_WIDTH_M = 17.0
 _PARK_WALK_M = 10.0
+_APRON_M = 1.2
+"""Paved ground around a house at a sidewalk: no grass grows between them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,6 +177,7 @@ def ground_layers(
     arrows: Sequence[PaintedArrow],
     pits: list[shapely.Polygon],
     buildings: list[shapely.Polygon],
+    wear: RoadWear = UNWORN,
 ) -> list[Layer]:
     """All kinds of ground, the ones that win first; together they cover the terrain.
 
@@ -185,6 +189,7 @@ def ground_layers(
         arrows: those of the file on this level.
         pits: squares of open soil around trees.
         buildings: footprints; the blocks that they stand in have paved rims.
+        wear: of the level's roads.
     """
     label = CityObjectLabel
     white, yellow = lane_lines(lanes, ground.crosswalks)
@@ -207,9 +212,17 @@ def ground_layers(
     ]
     return [
         *layers,
-        Layer(ground.gutter, Material.CONCRETE, label.ROADS, 0.0),
+        *(
+            Layer(_on_grid(area.intersection(ground.road)), material, label.ROADS, 0.0)
+            for area, material in (
+                (wear.covers, Material.COVER),
+                (wear.repairs, Material.ASPHALT_NEW),
+                (wear.tar.difference(ground.gutter), Material.TAR),
+            )
+        ),
+        Layer(ground.gutter, Material.GUTTER, label.ROADS, 0.0),
         Layer(ground.road, Material.ASPHALT, label.ROADS, 0.0),
-        *(Layer(r.area, Material.CONCRETE, label.SIDEWALKS, ramp=r) for r in ground.ramps),
+        *(Layer(r.area, Material.TACTILE, label.SIDEWALKS, ramp=r) for r in ground.ramps),
         Layer(kerb.intersection(near_raised), Material.KERB, label.SIDEWALKS),
         Layer(shapely.union_all(pits), Material.SOIL, label.TERRAIN),
         Layer(ground.sidewalk, Material.SIDEWALK, label.SIDEWALKS),
@@ -222,7 +235,7 @@ def ground_layers(
 
 
 def _yards(ground: Surfaces, buildings: list[shapely.Polygon]) -> BaseGeometry:
-    """The paved rim of built-up blocks behind their sidewalks, on which the houses stand."""
+    """The paved rim of built-up blocks behind their sidewalks, and aprons of houses beside them."""
     tree = shapely.STRtree(buildings)
     built = [
         block
@@ -234,7 +247,13 @@ def _yards(ground: Surfaces, buildings: list[shapely.Polygon]) -> BaseGeometry:
     # A block may border on country roads, too, where nobody builds.
     # The limit keeps the pointed end of a sidewalk from reaching far along such a road.
     near = ground.sidewalk.buffer(_YARD_WIDTH_M + 1.0, join_style="mitre", mitre_limit=1.5)
-    return rim.intersection(near)
+    beside = shapely.STRtree(shapely.get_parts(ground.sidewalk))
+    aprons = [
+        house.buffer(_APRON_M, join_style="mitre")
+        for house in buildings
+        if len(beside.query(house, predicate="dwithin", distance=_APRON_M))
+    ]
+    return shapely.union_all([rim.intersection(near), *aprons])
 
 
 def _paths(park: shapely.Polygon) -> BaseGeometry:

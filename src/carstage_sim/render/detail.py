@@ -20,12 +20,13 @@ NONE, ASPHALT, PAVING = int(Detail.NONE), int(Detail.ASPHALT), int(Detail.PAVING
 BRICK, GRASS, LEAVES = int(Detail.BRICK), int(Detail.GRASS), int(Detail.LEAVES)
 MARKING, WINDOW, PLASTER = int(Detail.MARKING), int(Detail.WINDOW), int(Detail.PLASTER)
 BARK, GLAZING, PICTURE = int(Detail.BARK), int(Detail.GLAZING), int(Detail.PICTURE)
+SHOP, DOOR, ROOM = int(Detail.SHOP), int(Detail.DOOR), int(Detail.ROOM)
+KERB, GUTTER = int(Detail.KERB), int(Detail.GUTTER)
+TACTILE, COVER = int(Detail.TACTILE), int(Detail.COVER)
 
 _ONE: Any = np.float32(1)
 _HALF: Any = np.float32(0.5)
-_PER_PATCH: Any = np.float32(1 / 9.5)
-_PER_COVER: Any = np.float32(1 / 13.0)
-"""Squares for each metre in which a repaired patch, or the cover of a manhole, may lie."""
+_ZERO: Any = np.float32(0)
 
 
 @device
@@ -94,55 +95,23 @@ def asphalt(x, y, pixel):  # type: ignore[no-untyped-def]
         x, y, np.float32(0.025), np.float32(0.16), np.float32(1.3), np.float32(7.0),
         np.float32(4.3), 1,
     )  # fmt: skip
+    slow *= _layer(np.float32(7.0), pixel)
     value = (
         _ONE
         + np.float32(0.28) * chips * _layer(np.float32(0.025), pixel)
-        + np.float32(0.19) * patches * _layer(np.float32(0.16), pixel)
-        + np.float32(0.12) * stains * _layer(np.float32(1.3), pixel)
-        + np.float32(0.09) * slow * _layer(np.float32(7.0), pixel)
+        + np.float32(0.17) * patches * _layer(np.float32(0.16), pixel)
+        + np.float32(0.15) * stains * _layer(np.float32(1.3), pixel)
+        + np.float32(0.17) * slow
     )
-    # Repaired seams: the zero lines of a slow noise.
-    line = abs(seam)
-    width = np.float32(0.004) + pixel * np.float32(0.12)
-    if line < width:
-        value *= _ONE - np.float32(0.28) * (_ONE - line / width) * min(
-            np.float32(0.02) / (pixel + np.float32(0.004)), _ONE
+    # Dripped oil is darker than the worn places around it.
+    value *= _ONE - np.float32(0.6) * min(max(stains - np.float32(0.42), _ZERO), np.float32(0.4))
+    # Poured tar: pieces of the zero lines of a slow noise.
+    line, width = abs(seam), np.float32(0.009) + pixel * np.float32(0.2)
+    if line < width and slow + stains > np.float32(0.2):
+        deep = min(np.float32(2) * (_ONE - line / width), _ONE)
+        value *= _ONE - np.float32(0.5) * deep * min(
+            np.float32(0.035) / (pixel + np.float32(0.006)), _ONE
         )
-    return value
-
-
-@device
-def repairs(x, y, pixel):  # type: ignore[no-untyped-def]
-    """Patches of newer asphalt with tar along their edges, cracks, and covers of manholes."""
-    value = _ONE
-    soft = pixel * _HALF + np.float32(0.006)
-    # A patch may lie in each square of the plan.
-    fx, fy = np.floor(x * _PER_PATCH), np.floor(y * _PER_PATCH)
-    i, j = int(fx), int(fy)
-    chance = hash_unit(i, j, 61)
-    if chance < np.float32(0.3):
-        wide = np.float32(0.6) + np.float32(4.0) * chance
-        deep = np.float32(0.5) + np.float32(2.2) * hash_unit(i, j, 62)
-        dx = abs(x - (fx + _HALF) / _PER_PATCH) - wide
-        dy = abs(y - (fy + _HALF) / _PER_PATCH) - deep
-        edge = max(dx, dy)
-        if edge < np.float32(0.03):
-            value *= np.float32(0.74) + np.float32(0.5) * hash_unit(i, j, 63)
-            tar = max(_ONE - (abs(edge) - np.float32(0.015)) / soft, np.float32(0))
-            value *= _ONE - np.float32(0.34) * min(tar, _ONE) * min(np.float32(0.03) / soft, _ONE)
-    fx, fy = np.floor(x * _PER_COVER), np.floor(y * _PER_COVER)
-    i, j = int(fx), int(fy)
-    chance = hash_unit(i, j, 64)
-    if chance < np.float32(0.24):
-        dx = x - (fx + np.float32(0.3) + chance) / _PER_COVER
-        dy = y - (fy + np.float32(0.2) + np.float32(0.6) * hash_unit(i, j, 65)) / _PER_COVER
-        away = dx * dx + dy * dy
-        if away < np.float32(0.16):
-            ring = away > np.float32(0.1)
-            value = np.float32(0.62) if ring else np.float32(0.84)
-            if not ring and pixel < np.float32(0.04):
-                bump = (int(np.floor(dx * np.float32(22))) + int(np.floor(dy * np.float32(22)))) & 1
-                value += np.float32(0.2) * np.float32(bump)
     return value
 
 
@@ -155,11 +124,11 @@ def cracks(x, y, pixel):  # type: ignore[no-untyped-def]
     if bend < np.float32(0.1):
         return _ONE
     line = abs(noise(x * np.float32(0.9) + bend, y * np.float32(0.9), 67))
-    width = np.float32(0.012) + pixel * np.float32(0.9)
+    width = np.float32(0.018) + pixel * np.float32(0.9)
     if line > width:
         return _ONE
     deep = (_ONE - line / width) * min(np.float32(0.018) / (pixel + np.float32(0.006)), _ONE)
-    return _ONE - np.float32(0.42) * deep * min((bend - np.float32(0.1)) * np.float32(5), _ONE)
+    return _ONE - np.float32(0.55) * deep * min((bend - np.float32(0.1)) * np.float32(5), _ONE)
 
 
 @device
@@ -210,44 +179,79 @@ def tiles(x, y, wide, high, joint, shift, pixel, seed):  # type: ignore[no-untyp
 
 
 @device
-def window(s, t, number, pixel, night):  # type: ignore[no-untyped-def]
-    """A window's pane at ``s, t`` (0-1 across and up).
+def marking(x, y, pixel):  # type: ignore[no-untyped-def]
+    """Worn paint: thin where wheels cross it, flaked off in places."""
+    wear = faded(x, y, np.float32(2.7), pixel, 7)
+    fine = faded(x, y, np.float32(0.07), pixel, 6)
+    flakes = faded(x, y, np.float32(0.26), pixel, 10)
+    value = np.float32(0.9) + np.float32(0.1) * fine + np.float32(0.12) * wear
+    bare = flakes + np.float32(0.7) * fine + np.float32(0.8) * wear - np.float32(0.86)
+    bare = min(max(bare * np.float32(5), _ZERO), _ONE)
+    return value + (np.float32(0.16) - value) * bare
 
-    Returns:
-        ``(kind, red, green, blue, light)``: kind 0 is glass over a dark room, 1 is an opaque part
-        (frame, curtain behind glass counts as 2); colours are linear; light is emitted by lit
-        rooms.
-    """
-    fine = pixel < np.float32(0.12)
-    edge_s = min(s, _ONE - s)
-    edge_t = min(t, _ONE - t)
-    kind_of = hash_unit(number, 17, 3)
-    if fine and (
-        edge_s < np.float32(0.05)
-        or edge_t < np.float32(0.035)
-        or (kind_of < np.float32(0.7) and abs(s - _HALF) < np.float32(0.022))
-        or (kind_of > np.float32(0.55) and abs(t - np.float32(0.70)) < np.float32(0.016))
-    ):
-        shade = (
-            np.float32(0.62) if hash_unit(number >> 7, 5, 1) < np.float32(0.6) else np.float32(0.06)
-        )
-        return 1, shade, shade, shade * np.float32(0.97), np.float32(0)
-    lit = np.float32(0)
-    if night > 0 and hash_unit(number, 3, 7) < np.float32(0.36):
-        lit = (np.float32(0.35) + np.float32(0.65) * hash_unit(number, 9, 1)) * night
-    drawn = hash_unit(number, 29, 2)
-    reach = hash_unit(number, 31, 4)
-    cloth = np.float32(0)
-    if drawn < np.float32(0.30):
-        # Curtains leave the middle open; blinds hang from the top.
-        if abs(s - _HALF) > np.float32(0.14) + np.float32(0.30) * reach:
-            cloth = np.float32(0.46) + np.float32(0.05) * math.sin(s * np.float32(70.0))
-    elif drawn < np.float32(0.55) and t > np.float32(0.35) + np.float32(0.6) * reach:
-        cloth = np.float32(0.50) + np.float32(0.04) * math.sin(t * np.float32(120.0))
-    if cloth > 0:
-        return 2, cloth, cloth * np.float32(0.97), cloth * np.float32(0.88), lit * _HALF
-    room = np.float32(0.012) + np.float32(0.05) * hash_unit(number, 41, 6) * (_ONE - t)
-    return 0, room, room * np.float32(0.98), room * np.float32(0.94), lit
+
+@device
+def _litter(x, y, pixel, share, seed):  # type: ignore[no-untyped-def]
+    """Whether a fallen leaf or other litter lies at a place, and its tone; -1 for none."""
+    if pixel > np.float32(0.03):
+        return -_ONE
+    fx, fy = np.floor(x * np.float32(2.5)), np.floor(y * np.float32(2.5))
+    chance = hash_unit(int(fx), int(fy), seed)
+    if chance > share:
+        return -_ONE
+    turn = hash_unit(int(fx), int(fy), seed + 1)
+    dx = x - (fx + np.float32(0.2) + np.float32(0.6) * turn) * np.float32(0.4)
+    dy = y - (fy + np.float32(0.8) - np.float32(0.6) * turn) * np.float32(0.4)
+    along, across = dx + (turn - _HALF) * dy, dy - (turn - _HALF) * dx
+    if along * along + np.float32(3) * across * across > np.float32(0.0016):
+        return -_ONE
+    return turn
+
+
+@device
+def paving(x, y, s, t, pixel):  # type: ignore[no-untyped-def]
+    """Colour factors of slabs in a half bond: some replaced, seams with moss, stains, leaves."""
+    tint, seam = tiles(s, t, np.float32(0.6), np.float32(0.4), np.float32(0.011), _ONE, pixel, 3)
+    worn = faded(x, y, np.float32(2.3), pixel, 8)
+    value = (_ONE + np.float32(0.1) * tint) * (_ONE - np.float32(0.42) * seam)
+    if tint > np.float32(0.86):
+        value *= np.float32(0.84)
+    value += np.float32(0.09) * worn + np.float32(0.08) * faded(x, y, np.float32(0.05), pixel, 9)
+    moss = seam * max(worn, _ZERO) * np.float32(0.4)
+    leaf = _litter(x, y, pixel, np.float32(0.035), 81)
+    if leaf >= 0:
+        return np.float32(0.5) + leaf, np.float32(0.36) + np.float32(0.5) * leaf, np.float32(0.16)
+    return value - moss, value, value - moss
+
+
+@device
+def kerbside(kind, x, y, s, nz, pixel):  # type: ignore[no-untyped-def]
+    """Colour factors of kerb stones, gutters, studded stones and covers."""
+    value = _ONE + np.float32(0.12) * faded(x, y, np.float32(0.06), pixel, 1)
+    value += np.float32(0.12) * faded(x, y, np.float32(1.1), pixel, 2)
+    if kind == KERB:
+        if abs(nz) < _HALF:
+            off = abs(s - np.floor(s) - _HALF)
+            joint = (np.float32(0.012) + pixel * _HALF - _HALF + off) / max(
+                pixel, np.float32(0.004)
+            )
+            value *= np.float32(0.84) - np.float32(0.45) * min(max(joint, _ZERO), _ONE) * min(
+                np.float32(0.03) / max(pixel, np.float32(0.01)), _ONE
+            )
+        return value, value, value
+    if kind == GUTTER:
+        value *= _ONE + np.float32(0.24) * faded(x, y, np.float32(0.5), pixel, 83)
+        leaf = _litter(x, y, pixel, np.float32(0.12), 84)
+        if leaf >= 0:
+            return np.float32(0.8) + leaf, np.float32(0.5) + np.float32(0.7) * leaf, _HALF * _HALF
+        return value, value * np.float32(0.98), value * np.float32(0.94)
+    size = np.float32(16) if kind == TACTILE else np.float32(20)
+    near = max(_ONE - pixel * size * np.float32(1.4), _ZERO)
+    u, v = x * size, y * size
+    u, v = u - np.floor(u) - _HALF, v - np.floor(v) - _HALF
+    stud = _ONE if u * u + v * v < np.float32(0.09) else np.float32(-0.4)
+    value *= _ONE + np.float32(0.22) * stud * near
+    return value, value, value
 
 
 @device
@@ -268,16 +272,10 @@ def pattern(kind, x, y, z, nx, ny, nz, owner, number, pixel):  # type: ignore[no
         flat = max(math.sqrt(nx * nx + ny * ny), np.float32(1e-4))
         s, t = (x * -ny + y * nx) / flat, z
     if kind == ASPHALT:
-        value = asphalt(x, y, pixel) * repairs(x, y, pixel) * cracks(x, y, pixel)
+        value = asphalt(x, y, pixel) * cracks(x, y, pixel)
         return value, value, value
     if kind == PAVING:
-        tint, seam = tiles(
-            s, t, np.float32(0.6), np.float32(0.6), np.float32(0.012), _ONE, pixel, 3
-        )
-        value = (_ONE + np.float32(0.07) * tint) * (_ONE - np.float32(0.42) * seam)
-        value += np.float32(0.06) * faded(x, y, np.float32(2.3), pixel, 8)
-        value += np.float32(0.07) * faded(x, y, np.float32(0.05), pixel, 9)
-        return value, value, value
+        return paving(x, y, s, t, pixel)
     if kind == BRICK:
         r, g, b = _wall_tint(owner)
         tint, seam = tiles(
@@ -306,24 +304,22 @@ def pattern(kind, x, y, z, nx, ny, nz, owner, number, pixel):  # type: ignore[no
             (value * np.float32(0.9)),
         )
     if kind == MARKING:
-        value = (
-            _ONE
-            + np.float32(0.10) * faded(x, y, np.float32(0.08), pixel, 6)
-            + np.float32(0.10) * faded(x, y, np.float32(0.9), pixel, 7)
-        )
+        value = marking(x, y, pixel)
         return value, value, value
     if kind == PLASTER:
         r, g, b = _wall_tint(owner)
         value = (
             _ONE
-            + np.float32(0.05) * faded(s, t, np.float32(0.12), pixel, 1)
-            + np.float32(0.06) * faded(s * np.float32(2.0), t, np.float32(2.6), pixel, 2)
-            + np.float32(0.07) * faded(s * np.float32(9.0), t, np.float32(3.4), pixel, 4)
+            + np.float32(0.06) * faded(s, t, np.float32(0.12), pixel, 1)
+            + np.float32(0.07) * faded(s * np.float32(2.0), t, np.float32(2.6), pixel, 2)
+            + np.float32(0.11) * faded(s * np.float32(9.0), t, np.float32(3.4), pixel, 4)
         )
         return value * r, value * g, value * b
     if kind == BARK:
         value = _ONE + np.float32(0.25) * faded(s * np.float32(4), t, np.float32(0.22), pixel, 1)
         return value, value, value
+    if kind >= KERB:
+        return kerbside(kind, x, y, s, nz, pixel)
     if kind != NONE:
         value = (
             _ONE

@@ -35,6 +35,13 @@ class Detail(IntEnum):
     BARK = 11
     GLAZING = 12
     PICTURE = 13
+    SHOP = 14
+    DOOR = 15
+    ROOM = 16
+    KERB = 17
+    GUTTER = 18
+    TACTILE = 19
+    COVER = 20
 
 
 class Glow(IntEnum):
@@ -92,11 +99,11 @@ class MaterialAppearance(NamedTuple):
 
 APPEARANCES: dict[Material, MaterialAppearance] = {
     Material.DEFAULT: MaterialAppearance((150, 150, 150)),
-    Material.ASPHALT: MaterialAppearance((74, 74, 76), 0.85, 0.03, Detail.ASPHALT),
+    Material.ASPHALT: MaterialAppearance((86, 85, 84), 0.85, 0.03, Detail.ASPHALT),
     Material.LANE_MARKING_WHITE: MaterialAppearance((222, 222, 216), 0.7, 0.04, Detail.MARKING),
     Material.LANE_MARKING_YELLOW: MaterialAppearance((226, 172, 44), 0.7, 0.04, Detail.MARKING),
     Material.SIDEWALK: MaterialAppearance((158, 154, 147), 0.9, 0.03, Detail.PAVING),
-    Material.KERB: MaterialAppearance((142, 140, 136), 0.9, 0.03, Detail.GRAIN),
+    Material.KERB: MaterialAppearance((138, 135, 130), 0.9, 0.03, Detail.KERB),
     Material.GRASS: MaterialAppearance((84, 108, 52), 1.0, 0.02, Detail.GRASS),
     Material.SOIL: MaterialAppearance((112, 92, 70), 1.0, 0.02, Detail.GRAIN),
     Material.CONCRETE: MaterialAppearance((156, 154, 150), 0.9, 0.03, Detail.PLASTER),
@@ -108,7 +115,7 @@ APPEARANCES: dict[Material, MaterialAppearance] = {
     Material.ROOF: MaterialAppearance((96, 92, 92), 0.95, 0.02, Detail.GRAIN),
     Material.METAL: MaterialAppearance((112, 116, 118), 0.45, 0.35),
     Material.WOOD: MaterialAppearance((124, 88, 56), 0.8, 0.03, Detail.BARK),
-    Material.BARK: MaterialAppearance((88, 70, 54), 1.0, 0.02, Detail.BARK),
+    Material.BARK: MaterialAppearance((88, 76, 62), 1.0, 0.02, Detail.BARK),
     Material.FOLIAGE: MaterialAppearance((52, 76, 36), 0.9, 0.03, Detail.LEAVES),
     Material.PAINT: MaterialAppearance((160, 24, 28), 0.17, 0.05, paint=Paint.BODY),
     Material.GLASS: MaterialAppearance((14, 17, 20), 0.03, 0.08, Detail.GLAZING),
@@ -168,6 +175,13 @@ APPEARANCES: dict[Material, MaterialAppearance] = {
     Material.BLADES: MaterialAppearance((94, 118, 54), 0.9, 0.02, Detail.LEAVES),
     Material.BARK_PALE: MaterialAppearance((176, 172, 162), 1.0, 0.02, Detail.BARK),
     Material.WOODS: MaterialAppearance((86, 104, 82), 1.0, 0.02, Detail.GRASS),
+    Material.SHOP_WINDOW: MaterialAppearance((40, 48, 58), 0.05, 0.08, Detail.SHOP, Glow.WINDOW),
+    Material.HOUSE_DOOR: MaterialAppearance((84, 60, 44), 0.6, 0.04, Detail.DOOR),
+    Material.GUTTER: MaterialAppearance((118, 116, 112), 0.9, 0.03, Detail.GUTTER),
+    Material.TACTILE: MaterialAppearance((186, 178, 152), 0.9, 0.03, Detail.TACTILE),
+    Material.TAR: MaterialAppearance((38, 38, 40), 0.85, 0.03, Detail.GRAIN),
+    Material.ASPHALT_NEW: MaterialAppearance((58, 58, 60), 0.85, 0.03, Detail.ASPHALT),
+    Material.COVER: MaterialAppearance((64, 60, 56), 0.8, 0.04, Detail.COVER),
     Material.PICTURE: MaterialAppearance((128, 128, 128), 0.9, 0.02, Detail.PICTURE),
 }
 

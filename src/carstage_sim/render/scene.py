@@ -37,6 +37,9 @@ PASSING = "@"
 QUICK = "~"
 """A model whose key has this mark is made as quickly as a stored one is read: it is not stored."""
 
+_PANES = (Material.FACADE_WINDOW, Material.SHOP_WINDOW, Material.HOUSE_DOOR)
+_WIDEST_PANE = 127
+
 _log = logging.getLogger(__name__)
 
 
@@ -49,7 +52,8 @@ class Surfaces(NamedTuple):
         tag: ``(T,)`` uint8 values of :class:`carstage_sim.labels.CityObjectLabel`.
         object_id: ``(T,)`` uint32 level object + 1, 0 for none.
         flat: ``(T, 3)`` float32 unit normals of the triangles themselves.
-        quad_half: ``(T,)`` uint8: 1 and 2 for the two halves of a window's rectangle, else 0.
+        pane: ``(T,)`` uint16: 1 and 2 for the two halves of a pane's rectangle, else 0; plus 4
+            times its width and 512 times its height in decimetres, 127 at most.
     """
 
     normals: NDArray[np.float32]
@@ -57,7 +61,7 @@ class Surfaces(NamedTuple):
     tag: NDArray[np.uint8]
     object_id: NDArray[np.uint32]
     flat: NDArray[np.float32]
-    quad_half: NDArray[np.uint8]
+    pane: NDArray[np.uint16]
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,17 +199,19 @@ def _flat_normals(corners: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.stack([x / length, y / length, z / length], axis=1).astype(np.float32)
 
 
-def _quad_halves(mesh: TriangleMesh) -> NDArray[np.uint8]:
-    """Pairs of window triangles ``(0, 1, 2), (0, 2, 3)`` that follow each other."""
-    half = np.zeros(len(mesh.triangles), np.uint8)
+def _panes(mesh: TriangleMesh) -> NDArray[np.uint16]:
+    """Pairs of pane triangles ``(0, 1, 2), (0, 2, 3)`` that follow each other, and their size."""
+    half = np.zeros(len(mesh.triangles), np.uint16)
     index = mesh.triangles
-    glazed = mesh.material == Material.FACADE_WINDOW
+    glazed = np.isin(mesh.material, _PANES)
     candidates = np.flatnonzero(glazed[:-1] & glazed[1:])
     first, second = mesh.vertices[index[candidates]], mesh.vertices[index[candidates + 1]]
     pair = (first[:, 0] == second[:, 0]).all(axis=1) & (first[:, 2] == second[:, 1]).all(axis=1)
     begins = candidates[pair]
-    half[begins] = 1
-    half[begins + 1] = 2
+    sides = np.linalg.norm(first[pair][:, 1:] - first[pair][:, [0, 1]], axis=2)
+    wide, high = np.minimum(np.rint(sides * 10.0), _WIDEST_PANE).astype(np.uint16).T
+    half[begins] = 1 + 4 * wide + 512 * high
+    half[begins + 1] = 2 + 4 * wide + 512 * high
     return half
 
 
@@ -217,7 +223,7 @@ def _surfaces(mesh: TriangleMesh, corners: NDArray[np.float32]) -> Surfaces:
         np.require(mesh.tag, np.uint8, ["C", "W"]),
         np.require(mesh.object_id, np.uint32, ["C", "W"]),
         _flat_normals(corners),
-        _quad_halves(mesh),
+        _panes(mesh),
     )
 
 
@@ -305,7 +311,7 @@ def _empty_surfaces() -> Surfaces:
         np.empty(0, np.uint8),
         np.empty(0, np.uint32),
         np.empty((0, 3), np.float32),
-        np.empty(0, np.uint8),
+        np.empty(0, np.uint16),
     )
 
 

@@ -20,7 +20,7 @@ from carstage_sim.kernels import device, inlined, kernel
 from carstage_sim.mesh import Material
 from carstage_sim.render.arithmetic import exp_down, power_of_slant
 from carstage_sim.render.cast import NOTHING, Scene, trace
-from carstage_sim.render.detail import GLAZING, hash_unit, noise
+from carstage_sim.render.detail import GLAZING, ROOM, hash_unit, noise
 from carstage_sim.render.incoming_light import (
     OVER_PI,
     openness,
@@ -85,6 +85,8 @@ _INDOOR_SUN: Any = np.float32(0.16)
 _PANE: Any = np.float32(0.68)
 """Share of the light that a pane lets through."""
 _BEYOND_PANE_M: Any = np.float32(5e-3)
+_ROOM_SUN: Any = np.float32(0.3)
+"""Share of the sun that comes to rooms of houses, where its shadows would lie on the pane."""
 _TRIM: Any = np.float32(0.045)
 """Colour of the lining behind painted sheet metal."""
 _TOWN_HORIZON: Any = np.float32(0.12)
@@ -103,8 +105,6 @@ _LIFT_PER_M: Any = np.float32(2e-4)
 """How far above a surface rays from it begin, and its growth with the distance."""
 _LAMP_RADIANCE: Any = np.float32(6.0)
 """Radiance of a street lamp of full power."""
-_ROOM_RADIANCE: Any = np.float32(1.1)
-"""Radiance of a lit room behind a window."""
 _CLIENT_GLOW: Any = np.float32(3)
 """Radiance of what clients let glow, for each unit of its colour."""
 _GLINT: Any = np.float32(0.02)
@@ -176,10 +176,8 @@ def _emission(frame, m, hit_actor, owner, emitted):  # type: ignore[no-untyped-d
         if lamp >= 0 and kind == _STREET_LAMP:
             strength = _LAMP_RADIANCE
             r, g, b = lamps.power[lamp, 0], lamps.power[lamp, 1], lamps.power[lamp, 2]
-    if emitted > 0:
-        strength, r, g, b = emitted * _ROOM_RADIANCE, _ONE, np.float32(0.74), np.float32(0.42)
-    strength *= light.lamp
-    r, g, b = r * strength, g * strength, b * strength
+    r, g, b = r * strength + emitted[0], g * strength + emitted[1], b * strength + emitted[2]
+    r, g, b = r * light.lamp, g * light.lamp, b * light.lamp
     if hit_actor < 0:
         more = _CLIENT_GLOW * light.lamp
         r += appearance.glow[owner, 0] * more
@@ -205,8 +203,8 @@ def mirrored(frame, scratch, skip, o, d, lamps_on):  # type: ignore[no-untyped-d
         frame.scene, surfaces, hit_actor, number, u, v, leaves, dx, dy, dz
     )
     px, py, pz = o[0] + dx * distance, o[1] + dy * distance, o[2] + dz * distance
-    _, cr, cg, cb, _, f0, emitted = surface_material(
-        frame, surfaces, (hit_actor, number, u, v), (px, py, pz), (nx, ny, nz),
+    _, cr, cg, cb, _, f0, lit_r, lit_g, lit_b = surface_material(
+        frame, surfaces, (hit_actor, number, u, v), (px, py, pz), (nx, ny, nz), d,
         _MIRROR_FOOTPRINT_M + distance * _MIRROR_FOOTPRINT_PER_M,
     )  # fmt: skip
     er, eg, eb = sky_irradiance(light, nx, ny, nz)
@@ -223,7 +221,7 @@ def mirrored(frame, scratch, skip, o, d, lamps_on):  # type: ignore[no-untyped-d
         r += (a[1, 0] * OVER_PI - r) * f0
         g += (a[1, 1] * OVER_PI - g) * f0
         b += (a[1, 2] * OVER_PI - b) * f0
-    lr, lg, lb = _emission(frame, m, hit_actor, owner, emitted)
+    lr, lg, lb = _emission(frame, m, hit_actor, owner, (lit_r, lit_g, lit_b))
     r, g, b = r + lr, g + lg, b + lb
     fog = fog_share(light, o[2], dz, distance)
     return (
@@ -257,8 +255,8 @@ def _seen_through(frame, scratch, skip, o, d, owner, lamps_on):  # type: ignore[
     nx, ny, nz, _, _, _ = facing_normals(
         frame.scene, surfaces, hit_actor, number, u, v, False, dx, dy, dz
     )
-    _, cr, cg, cb, _, _, _ = surface_material(
-        frame, surfaces, (hit_actor, number, u, v), (px, py, pz), (nx, ny, nz),
+    _, cr, cg, cb, _, _, _, _, _ = surface_material(
+        frame, surfaces, (hit_actor, number, u, v), (px, py, pz), (nx, ny, nz), d,
         _MIRROR_FOOTPRINT_M,
     )  # fmt: skip
     if materials.paint[m] == _BODY or _FIRST_PAINT <= m <= _LAST_PAINT:
@@ -394,8 +392,8 @@ def unmirrored(frame, rays, scratch, epic, lamps_on, i, d, distance, p, pixel, n
     surfaces = frame.static if hit_actor < 0 else frame.actors
     m = surfaces.material[number]
     nx, ny, nz, gx, gy, gz, leaves = normals
-    kind, cr, cg, cb, rough, f0, emitted = surface_material(
-        frame, surfaces, (hit_actor, number, u, v), (px, py, pz), (nx, ny, nz), pixel
+    kind, cr, cg, cb, rough, f0, lit_r, lit_g, lit_b = surface_material(
+        frame, surfaces, (hit_actor, number, u, v), (px, py, pz), (nx, ny, nz), d, pixel
     )
     if is_leaf(kind) and light.wind > 0:
         # Wind turns leaves to and from the light.
@@ -418,6 +416,8 @@ def unmirrored(frame, rays, scratch, epic, lamps_on, i, d, distance, p, pixel, n
     if sun_is_up(light) and sunny > 0 and (leaves or gx * lx + gy * ly + gz * lz > 0):
         lit = sunlit
         if lit:
+            if kind == ROOM:
+                sunny *= _ROOM_SUN
             er += light.sun[0] * sunny
             eg += light.sun[1] * sunny
             eb += light.sun[2] * sunny
@@ -447,7 +447,8 @@ def unmirrored(frame, rays, scratch, epic, lamps_on, i, d, distance, p, pixel, n
         rx, ry, rz = dx - back * nx, dy - back * ny, dz - back * nz
         glossy = pool > _MIRRORING_WATER or (epic and rough < _MIRRORING_ROUGHNESS)
         town = glossy and fresnel > _LEAST_FRESNEL and distance < _MIRRORING_M
-    lr, lg, lb = _emission(frame, m, hit_actor, int(surfaces.object_id[number]), emitted)
+    owner_id = int(surfaces.object_id[number])
+    lr, lg, lb = _emission(frame, m, hit_actor, owner_id, (lit_r, lit_g, lit_b))
     return r, g, b, lr, lg, lb, fresnel, rough, rx, ry, rz, lit, town
 
 

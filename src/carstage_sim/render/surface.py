@@ -12,16 +12,17 @@ from carstage_sim.render.detail import (
     ASPHALT,
     LEAVES,
     PICTURE,
-    WINDOW,
+    ROOM,
     faded,
     pattern,
-    window,
 )
 from carstage_sim.render.leaves import leaf_colour
+from carstage_sim.render.panes import half_of, pane_colour, size_of
 from carstage_sim.render.pictures import picture_colour, picture_colour_of_actor
 
 _ZERO: Any = np.float32(0)
 _ONE: Any = np.float32(1)
+_HALF: Any = np.float32(0.5)
 
 
 @inlined
@@ -92,7 +93,7 @@ def facing_normals(scene, surfaces, hit_actor, number, u, v, leaves, dx, dy, dz)
 
 
 @inlined
-def surface_material(frame, surfaces, hit, p, n, pixel):  # type: ignore[no-untyped-def]
+def surface_material(frame, surfaces, hit, p, n, d, pixel):  # type: ignore[no-untyped-def]
     """What the surface is made of at a place.
 
     Args:
@@ -101,11 +102,13 @@ def surface_material(frame, surfaces, hit, p, n, pixel):  # type: ignore[no-unty
         hit: instance row, triangle, weights of its first and second corner.
         p: the place, world metres.
         n: unit normal there.
+        d: the ray's unit direction.
         pixel: a pixel's side on the surface, metres.
 
     Returns:
-        ``(kind, red, green, blue, roughness, specular, emitted)``: the procedural pattern, linear
-        colour, reflectance at normal incidence, and light of a lit room behind a window.
+        ``(kind, red, green, blue, roughness, specular, lit red, lit green, lit blue)``: the
+        procedural pattern, or ``ROOM`` behind glass, linear colour, reflectance at normal
+        incidence, and light of a lit room behind a window.
     """
     hit_actor, number, u, v = hit
     appearance, materials, colour = frame.appearance, frame.materials, frame.colour
@@ -136,25 +139,33 @@ def surface_material(frame, surfaces, hit, p, n, pixel):  # type: ignore[no-unty
             frame.scene.rotation, frame.scene.position, appearance.pictures, appearance.texels,
             (hit_actor, owner), p, n, pixel,
         )  # fmt: skip
-    rough, f0, emitted = materials.roughness[m], materials.specular[m], _ZERO
-    half = surfaces.quad_half[number]
-    if kind == WINDOW and hit_actor < 0 and half:
+    rough, f0 = materials.roughness[m], materials.specular[m]
+    er, eg, eb = _ZERO, _ZERO, _ZERO
+    packed = int(surfaces.pane[number])
+    if packed and kind and hit_actor < 0:
+        half = half_of(packed)
         # Corner weights of the two halves of a quad give a place in its rectangle.
         if half == 1:
             s, up_share = _ONE - u, _ONE - u - v
         else:
             s, up_share = v, _ONE - u
         pane = number - (half - 1)
-        part, cr, cg, cb, emitted = window(s, up_share, pane, pixel, frame.light.night)
-        if part == 1:
+        # Along the wall, up, and into the room.
+        view = (d[1] * n[0] - d[0] * n[1], d[2], -(d[0] * n[0] + d[1] * n[1]))
+        opaque, cr, cg, cb, er, eg, eb = pane_colour(
+            kind, s, up_share, size_of(packed), pane, pixel, frame.light.night, view
+        )
+        if opaque > _HALF:
             rough, f0 = np.float32(0.8), np.float32(0.03)
+        else:
+            kind = ROOM
     elif materials.cells[m]:
         fr, fg, fb = leaf_colour(materials.cells[m], owner, number, u, v, pixel)
         cr, cg, cb = cr * fr, cg * fg, cb * fb
     elif kind and hit_actor < 0:
         fr, fg, fb = pattern(kind, p[0], p[1], p[2], n[0], n[1], n[2], owner, number, pixel)
         cr, cg, cb = cr * fr, cg * fg, cb * fb
-    return kind, cr, cg, cb, rough, f0, emitted
+    return kind, cr, cg, cb, rough, f0, er, eg, eb
 
 
 @device

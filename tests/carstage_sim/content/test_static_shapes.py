@@ -17,8 +17,9 @@ from carstage_sim.content.street_furniture import (
     street_lamp_mesh,
     traffic_light_mesh,
 )
-from carstage_sim.content.trees import TREE_KINDS, tree_mesh
+from carstage_sim.content.trees import PRUNED_M, TREE_KINDS, tree_mesh
 from carstage_sim.labels import CityObjectLabel
+from carstage_sim.maps.greenery import STREET_TREES
 from carstage_sim.mesh import LEAF_CELLS, Material
 
 LENSES = (Material.LIGHT_RED, Material.LIGHT_YELLOW, Material.LIGHT_GREEN)
@@ -84,6 +85,15 @@ def test_a_tree_has_its_height_and_a_clear_trunk(kind):
     assert leaves[..., 2].min() > 0.6
     assert len(mesh.triangles) < 700
     assert np.abs(np.linalg.norm(mesh.normals, axis=2) - 1.0).max() < 1e-3
+
+
+@pytest.mark.parametrize("kind", STREET_TREES, ids=lambda kind: kind.name)
+def test_a_tree_beside_a_road_is_pruned_above_vehicles_and_still_has_a_crown(kind):
+    for height in kind.height_m:
+        mesh = tree_mesh(kind, height, rng())
+        leafy = np.isin(mesh.material, list(LEAF_CELLS))
+        assert mesh.vertices[mesh.triangles[leafy]][..., 2].min() >= PRUNED_M - 1e-5
+        assert leafy.sum() > 0.7 * kind.sprays
 
 
 def test_autumn_changes_nothing_but_what_the_leaves_are():

@@ -9,6 +9,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
+import shapely
 
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps import (
@@ -20,6 +21,7 @@ from carstage_sim.maps import (
 )
 from carstage_sim.maps.baking import bake, sample_in_child
 from carstage_sim.maps.cache import cached_town, digest_of, load, save
+from carstage_sim.maps.surfaces import KERB_HEIGHT_M
 from carstage_sim.maps.writer import PLANS, opendrive_of
 
 
@@ -141,6 +143,36 @@ def test_nothing_stands_on_the_road(stage01):
             turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
             local = (lanes - np.array(entry.box.center[:2])) @ turn
             assert (np.abs(local) > np.array(entry.box.extent[:2]) + 1.5).any(axis=1).all()
+
+
+def test_furniture_reaches_into_the_ground_and_into_nothing_else(stage01):
+    """A little into the ground, which may slope."""
+    mesh, found = stage01.static_mesh, []
+    for entry in stage01.level_objects:
+        if entry.label != CityObjectLabel.STATIC:
+            continue
+        corners = mesh.vertices[mesh.triangles[mesh.object_id == entry.object_id]].reshape(-1, 3)
+        assert -0.12 < corners[:, 2].min() - KERB_HEIGHT_M <= 0.0, entry.name
+        found.append(shapely.MultiPoint(corners[:, :2]).convex_hull)
+    kinds = {entry.name.rpartition("_")[0] for entry in stage01.level_objects}
+    assert kinds >= {"Bench", "Bin", "Hydrant", "BikeParking", "Mailbox", "PlantPot", "TrashCan"}
+    houses = [
+        shapely.MultiPoint(mesh.vertices[mesh.triangles[low]].reshape(-1, 3)[:, :2]).convex_hull
+        for low in _below(stage01, CityObjectLabel.BUILDINGS)
+    ]
+    tree = shapely.STRtree([*found, *houses])
+    for number, thing in enumerate(found):
+        near = tree.query(thing.buffer(-0.05), predicate="intersects")
+        assert near.tolist() == [number]
+
+
+def _below(town, label, height_m=1.5):
+    """Rows of the triangles near the ground of each object of a label."""
+    mesh = town.static_mesh
+    low = mesh.vertices[mesh.triangles][..., 2].max(axis=1) < height_m
+    numbers = [entry.object_id for entry in town.level_objects if entry.label == label]
+    rows = [np.flatnonzero(low & (mesh.object_id == number)) for number in numbers]
+    return [row for row in rows if len(row)]
 
 
 def test_two_bakes_of_an_altered_plan_differ(stage01):

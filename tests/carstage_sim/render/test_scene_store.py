@@ -122,4 +122,5 @@ def test_colours_become_linear_light():
 def test_window_rectangles_are_known_by_their_pairs():
     corners = np.array([[0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1.0]])
     mesh = build_mesh(corners, [[0, 1, 2], [0, 2, 3], [0, 1, 3]], Material.FACADE_WINDOW, 3)
-    assert frame_of(mesh).static.quad_half.tolist() == [1, 2, 0]
+    size = 4 * 10 + 512 * 10  # decimetres
+    assert frame_of(mesh).static.pane.tolist() == [size + 1, size + 2, 0]

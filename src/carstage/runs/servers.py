@@ -169,6 +169,11 @@ class ServerSetup:
         )
 
     @property
+    def has_own_collector(self) -> bool:
+        """Whether Car-STAGE's collector records from the server."""
+        return not isinstance(self._config.server, ClassServerConfig)
+
+    @property
     def collector_folders(self) -> list[str]:
         """Where Python looks for the collector's module last; none where it is Car-STAGE's."""
         server = self._config.server

@@ -235,7 +235,8 @@ def record(config: Config, out: Path, *, json: bool, report: bool = False, **opt
         ended = recorded()
     report_path = None
     if report and ended.exit_code == 0:
-        from carstage.report import write_report
+        with loading():
+            from carstage.report import write_report
 
         note("Writing the report.")
         report_path = write_report(ended.dataset)
@@ -360,13 +361,14 @@ def validate(
 ) -> int:
     """Recompute from the files whether a dataset is what it says it is."""
     del debug
-    import carstage
-    from carstage.cli.describe import describe_problem, describe_validation
-    from carstage.cli.progress import watch_frames
-    from carstage.report import write_validation
+    with loading():
+        from carstage.cli.describe import describe_problem, describe_validation
+        from carstage.cli.progress import watch_frames
+        from carstage.report import write_validation
+        from carstage.validation import validate_dataset
 
     with watch_frames("Checking") as progress:
-        report = carstage.validate(dataset, progress=progress)
+        report = validate_dataset(dataset, progress=progress)
     for problem in report.problems:
         note(describe_problem(problem))
     if html is not None:
@@ -405,7 +407,8 @@ def report(
 ) -> None:
     """Write report.html: pictures with boxes, maps, LiDAR from above, statistics, validation."""
     del debug
-    from carstage.report import report_file, write_report
+    with loading():
+        from carstage.report import report_file, write_report
 
     target = html or report_file(dataset)
     _write(target, lambda: write_report(dataset, target, films=films))

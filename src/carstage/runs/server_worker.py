@@ -311,6 +311,7 @@ class ServerWorker:
                 "timeout_s": call_s,
                 "load_timeout_s": load_s,
                 "traffic_manager_port": endpoint.traffic_manager_port,
+                "exact_sensor_tick": self._setup.exact_sensor_tick,
                 **({} if gnss is None else {"gnss": dict(gnss)}),
             },
             "queue_bytes": self._setup.output.raw_queue_mb * _BYTES_PER_MB,

@@ -210,6 +210,11 @@ class ServerSetup:
         return _EMBEDDED_SENSOR_WARMUP_TICKS if embedded else None
 
     @property
+    def exact_sensor_tick(self) -> bool:
+        """Whether ``sensor_tick`` counts whole steps, from the first in which somebody listens."""
+        return isinstance(self._config.server, EmbeddedServerConfig)
+
+    @property
     def start_notice(self) -> str:
         """What to tell somebody who waits for the server."""
         if isinstance(self._config.server, RemoteServerConfig):

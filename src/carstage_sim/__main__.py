@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import atexit
+import gc
 import json
 import logging
 import os
@@ -92,6 +94,8 @@ def _bake(arguments: Sequence[str]) -> int:
 def _serve(options: Options, maps: MapCatalogue) -> None:
     parent_pid = (options.parent_pid or os.getppid()) if options.exit_with_parent else None
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    # What is there at the end ends with the process: Python need not look through it for garbage.
+    atexit.register(gc.freeze)
     _, most_descriptors = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (most_descriptors, most_descriptors))
     sys.setswitchinterval(_SWITCH_S)

@@ -226,13 +226,14 @@ def test_public_names_are_those_of_their_packages() -> None:
     assert carstage.Dataset is Dataset
 
 
-def test_reading_a_dataset_imports_no_pandas_and_pandas_can_be_had(tmp_path: Path) -> None:
+def test_reading_and_reporting_import_no_pandas_and_pandas_can_be_had(tmp_path: Path) -> None:
     dataset = make_dataset(tmp_path / "dataset", tmp_path)
     program = """
 import sys
 import carstage
 import pyarrow as pa
 carstage.Dataset(sys.argv[1])
+import carstage.report
 table = pa.table({"a": [1, 2]})
 assert "pandas" not in sys.modules
 try:

@@ -8,6 +8,8 @@ import os
 import platform
 import sys
 
+from carstage.cli.loading import loading
+
 _OLDEST, _TOO_NEW = (3, 10), (3, 13)
 _LOOKS_FOR_GARBAGE_AFTER = 10_000
 BAD_INPUT = 2
@@ -65,8 +67,8 @@ def main() -> None:
     # What is there at the end ends with the process: Python need not look through it for garbage.
     atexit.register(gc.freeze)
     try:
-        from carstage.cli.app import app
-
+        with loading():
+            from carstage.cli.app import app
         app()
     except KeyboardInterrupt:
         raise SystemExit(INTERRUPTED) from None

@@ -17,6 +17,7 @@ from carstage.cli.dataset import dataset_app
 from carstage.cli.estimate import estimate
 from carstage.cli.export import export
 from carstage.cli.gui import gui
+from carstage.cli.loading import loading
 from carstage.cli.output import (
     Debug,
     Json,
@@ -129,9 +130,10 @@ def demo(
 ) -> int:
     """Record the demonstration: five seconds in town with eight sensors, labelled."""
     del debug
-    from carstage.config import load_demo
+    with loading():
+        from carstage.config import load_demo
 
-    configured = load_demo(settings or ())
+        configured = load_demo(settings or ())
     return record(configured, out, json=json, report=True, retries=retries, append=append)
 
 
@@ -196,9 +198,10 @@ def run(
 ) -> int:
     """Record a configuration into a dataset; the same command again continues where it ended."""
     del debug
-    from carstage.runs.allotment import parse_workers
+    with loading():
+        from carstage.runs.allotment import parse_workers
 
-    configured = read_configuration(config, settings or ())
+        configured = read_configuration(config, settings or ())
     options: dict[str, Any] = {"retries": retries, "append": append}
     options |= {"shard": shard, "run_id": run_id, "work": work, "catalog": catalog}
     if ray_address is None:
@@ -214,13 +217,14 @@ def run(
 
 def record(config: Config, out: Path, *, json: bool, report: bool = False, **options: Any) -> int:
     """Record, say how it went, and give the command's exit code."""
-    import carstage
-    from carstage.cli.progress import watch_run
-    from carstage.runs.continuing import OtherSettingsError
+    with loading():
+        from carstage.cli.progress import watch_run
+        from carstage.runs import run as record_config
+        from carstage.runs.continuing import OtherSettingsError
 
     def recorded() -> RunResult:
         with watch_run() as on_event:
-            return carstage.run(config, out, on_event, **options)
+            return record_config(config, out, on_event, **options)
 
     try:
         ended = recorded()
@@ -231,7 +235,8 @@ def record(config: Config, out: Path, *, json: bool, report: bool = False, **opt
         ended = recorded()
     report_path = None
     if report and ended.exit_code == 0:
-        from carstage.report import write_report
+        with loading():
+            from carstage.report import write_report
 
         note("Writing the report.")
         report_path = write_report(ended.dataset)
@@ -356,13 +361,14 @@ def validate(
 ) -> int:
     """Recompute from the files whether a dataset is what it says it is."""
     del debug
-    import carstage
-    from carstage.cli.describe import describe_problem, describe_validation
-    from carstage.cli.progress import watch_frames
-    from carstage.report import write_validation
+    with loading():
+        from carstage.cli.describe import describe_problem, describe_validation
+        from carstage.cli.progress import watch_frames
+        from carstage.report import write_validation
+        from carstage.validation import validate_dataset
 
     with watch_frames("Checking") as progress:
-        report = carstage.validate(dataset, progress=progress)
+        report = validate_dataset(dataset, progress=progress)
     for problem in report.problems:
         note(describe_problem(problem))
     if html is not None:
@@ -401,7 +407,8 @@ def report(
 ) -> None:
     """Write report.html: pictures with boxes, maps, LiDAR from above, statistics, validation."""
     del debug
-    from carstage.report import report_file, write_report
+    with loading():
+        from carstage.report import report_file, write_report
 
     target = html or report_file(dataset)
     _write(target, lambda: write_report(dataset, target, films=films))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import atexit
+import gc
 import logging
 import os
 import platform
@@ -21,6 +23,8 @@ from carstage.collector.internals.stopping import StopRequest
 
 EXIT_OK = 0
 EXIT_FAILED = 1
+PLAN_FROM_INPUT = "-"
+"""In the plan's place: its path will come, once the server is there."""
 
 _log = logging.getLogger("carstage.collector")
 
@@ -30,6 +34,10 @@ def main(arguments: Optional[List[str]] = None) -> int:
 
     0 all recorded; 1 one failed; 2 bad plan; 130 ended by a signal after finishing the frame.
     """
+    # What is loaded stays, and what is there at the end ends with the process: Python need not look
+    # through either for garbage, which takes an eighth of the start.
+    gc.disable()
+    atexit.register(gc.freeze)
     options = parse_options(arguments)
     logging.basicConfig(
         stream=sys.stderr, level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s"
@@ -37,9 +45,15 @@ def main(arguments: Optional[List[str]] = None) -> int:
     stop = StopRequest()
     stop.on_signals()
     events = EventStream(private_stdout(), stop)
+    plan = options.plan
+    if plan == PLAN_FROM_INPUT:
+        _load_client()
+        plan = first_line(sys.stdin.fileno())
+        if not plan:
+            return EXIT_OK  # nothing is to be recorded after all
     if options.exit_with_input:
         stop.on_closed_input(sys.stdin.fileno())
-    code = _run(options.plan, events, stop)
+    code = _run(plan, events, stop)
     events.emit("collector_finished", exit_code=code)
     return code
 
@@ -52,13 +66,36 @@ def parse_options(arguments: Optional[List[str]]) -> argparse.Namespace:
 def collector_parser(description: Optional[str]) -> argparse.ArgumentParser:
     """The command line of the collector, and of clients that stand in for it."""
     parser = argparse.ArgumentParser(description=description)
-    parser.add_argument("plan", help="the plan, JSON; see docs/formats/run-folder.md")
+    parser.add_argument(
+        "plan",
+        help="the plan, JSON; see docs/formats/run-folder.md. -: load the client, then read the "
+        "plan's path from the first line of standard input",
+    )
     parser.add_argument(
         "--exit-with-input",
         action="store_true",
         help="end cleanly when standard input closes: whoever started this is gone",
     )
     return parser
+
+
+def first_line(descriptor: int) -> str:
+    """The first line of an input, of which nothing behind it is read; empty where it ends."""
+    line = bytearray()
+    while not line.endswith(b"\n"):
+        byte = os.read(descriptor, 1)
+        if not byte:
+            return ""
+        line += byte
+    return os.fsdecode(bytes(line[:-1]))
+
+
+def _load_client() -> None:
+    """Import all that recording needs, the client with it; what fails is told with the plan."""
+    try:
+        from carstage.collector.internals import episode  # noqa: F401
+    except ImportError as error:
+        _log.info("the client cannot be imported yet: %s", error)
 
 
 def private_stdout() -> int:
@@ -93,6 +130,8 @@ def _record(plan: Plan, events: EventStream, stop: StopRequest) -> int:
             "This Python (%s) has no carla wheel: %s." % (sys.executable, error),
             "Install the wheel of the server's version into it, or use another interpreter.",
         ) from error
+    gc.freeze()
+    gc.enable()
     events.emit(
         "collector_started",
         pid=os.getpid(),

@@ -11,6 +11,7 @@ import threading
 import time
 from collections import deque
 from queue import Empty, SimpleQueue
+from types import MappingProxyType
 from typing import Any, Callable, Deque, Dict, List, Mapping, NamedTuple, Optional, Tuple
 
 from carstage.collector.internals.errors import RecordingError, writing_failed
@@ -349,17 +350,28 @@ class Pipeline:
             self._waited_s += self._clock_s() - begin_s
         self.check()
 
-    def wait_delivered(self, frame: int, timeout_s: float) -> Tuple[str, ...]:
+    def newest(self, sensor: str) -> int:
+        """The newest frame that a sensor delivered; -1 before the first."""
+        return self._newest[sensor]
+
+    def wait_delivered(
+        self, frame: int, timeout_s: float, instead: Mapping[str, int] = MappingProxyType({})
+    ) -> Tuple[str, ...]:
         """Wait until every sensor delivered ``frame`` or a later one; return those that did not.
 
         Sensors that may have nothing to deliver are not waited for.
+
+        Args:
+            frame: of the server.
+            timeout_s: how long.
+            instead: other frames by sensor.
         """
 
         def lacking() -> Tuple[str, ...]:
             return tuple(
                 name
                 for name, newest in self._newest.items()
-                if newest < frame and name not in self._sparse
+                if newest < instead.get(name, frame) and name not in self._sparse
             )
 
         with self._state:

@@ -7,10 +7,9 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-_RIDER = pa.array(["rider"])
-
 
 def may_come_back(objects: pa.Table) -> NDArray[np.bool_]:
     """``(N,)`` which rows are of level objects and riders."""
+    riders = pa.array(["rider"])  # made here: the first array may import pandas
     static = objects["is_static"].to_numpy()
-    return np.asarray(static | pc.is_in(objects["class"], value_set=_RIDER).to_numpy())
+    return np.asarray(static | pc.is_in(objects["class"], value_set=riders).to_numpy())

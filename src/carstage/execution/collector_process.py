@@ -21,6 +21,8 @@ _READ_BYTES = 1 << 16
 _LONGEST_LINE_BYTES = 1 << 20
 _STOP_S = 20.0
 _TAIL_BYTES = 4000
+_COLLECTOR = "carstage.collector"
+_PLAN_FROM_INPUT = "-"
 
 
 class InterpreterError(CollectorError):
@@ -50,6 +52,75 @@ def interpreter_command(python: str, module: str, folders: Sequence[str] = ()) -
     return [python, foreign_python.__file__, module]
 
 
+def _started(command: Sequence[str], log_path: Path) -> tuple[int, subprocess.Popen[bytes]]:
+    """A process that ends with its standard input, and where its part of the log begins.
+
+    Raises:
+        OSError: it cannot be started.
+    """
+    with log_path.open("ab") as log:
+        begin = log.tell()
+        process = subprocess.Popen(
+            [*command, "--exit-with-input"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=log,
+            start_new_session=True,
+            # Without one the client crashes, and it makes a folder there.
+            env={**os.environ, "HOME": str(home_folder())},
+        )
+        return begin, process
+
+
+def _close(process: subprocess.Popen[bytes]) -> None:
+    for stream in (process.stdin, process.stdout):
+        if stream is not None:
+            with suppress(BrokenPipeError):
+                stream.close()
+
+
+class CollectorAhead:
+    """An interpreter of the collector that is started before there is a plan.
+
+    It loads the client meanwhile, which takes as long as the rest of the collector's start.
+
+    Args:
+        log_path: file that its standard error is appended to.
+        python: interpreter with the ``carla`` wheel that fits the server.
+
+    Raises:
+        OSError: it cannot be started.
+    """
+
+    def __init__(self, log_path: Path, python: str) -> None:
+        self.log_path = log_path
+        self.log_start, self.process = _started(
+            [*interpreter_command(python, _COLLECTOR), _PLAN_FROM_INPUT], log_path
+        )
+
+    def take(self, plan_path: Path) -> bool:
+        """Give it its plan; returns whether it takes it. It belongs to the caller then."""
+        stream = self.process.stdin
+        assert stream is not None
+        if self.process.poll() is not None:
+            self.end()
+            return False
+        try:
+            stream.write(os.fsencode(plan_path) + b"\n")
+            stream.flush()
+        except BrokenPipeError:
+            self.end()
+            return False
+        return True
+
+    def end(self) -> None:
+        """End it without a plan; it holds nothing."""
+        with suppress(ProcessLookupError):
+            os.killpg(self.process.pid, signal.SIGKILL)
+        self.process.wait()
+        _close(self.process)
+
+
 class CollectorProcess:
     """One run of ``python -m carstage.collector``, in a process group of its own.
 
@@ -65,6 +136,7 @@ class CollectorProcess:
         module: what it runs; another one speaks the same way (measurements have such clients, and
             servers that are not CARLA).
         folders: where Python looks for modules last.
+        ahead: a process that waits for a plan, to be used instead of a new one, if it still can.
 
     Raises:
         InterpreterError: on entering, where the interpreter cannot be started.
@@ -77,8 +149,9 @@ class CollectorProcess:
         plan_path: Path,
         log_path: Path,
         python: str = sys.executable,
-        module: str = "carstage.collector",
+        module: str = _COLLECTOR,
         folders: Sequence[str] = (),
+        ahead: CollectorAhead | None = None,
     ) -> None:
         self._plan = plan
         self._plan_path = plan_path
@@ -86,6 +159,7 @@ class CollectorProcess:
         self._python = python
         self._module = module
         self._folders = folders
+        self._ahead = ahead
         self._process: subprocess.Popen[bytes] | None = None
         self._buffer = b""
         self._log_start = 0
@@ -94,32 +168,27 @@ class CollectorProcess:
 
     def __enter__(self) -> CollectorProcess:
         self._plan_path.write_text(json.dumps(self._plan), "utf-8")
-        with self._log_path.open("ab") as log:
-            self._log_start = log.tell()
-            try:
-                self._process = subprocess.Popen(
-                    [
-                        *interpreter_command(self._python, self._module, self._folders),
-                        str(self._plan_path),
-                        "--exit-with-input",
-                    ],
-                    stdin=subprocess.PIPE,
-                    stdout=subprocess.PIPE,
-                    stderr=log,
-                    start_new_session=True,
-                    # Without one the client crashes, and it makes a folder there.
-                    env={**os.environ, "HOME": str(home_folder())},
-                )
-            except OSError as error:
-                # Only what is said of the file is the interpreter's fault: not a lack of memory.
-                kind = CollectorError if error.filename is None else InterpreterError
-                raise kind(
-                    f"The collector's interpreter {self._python} cannot be started: "
-                    f"{error.strerror}.",
-                    "Check server.client_python, or leave it to `auto`.",
-                ) from error
+        ahead = self._ahead
+        if ahead is not None and ahead.take(self._plan_path):
+            self._log_start, self._process = ahead.log_start, ahead.process
+        else:
+            self._start()
         os.set_blocking(self.fileno(), False)
         return self
+
+    def _start(self) -> None:
+        command = interpreter_command(self._python, self._module, self._folders)
+        try:
+            self._log_start, self._process = _started(
+                [*command, str(self._plan_path)], self._log_path
+            )
+        except OSError as error:
+            # Only what is said of the file is the interpreter's fault: not a lack of memory.
+            kind = CollectorError if error.filename is None else InterpreterError
+            raise kind(
+                f"The collector's interpreter {self._python} cannot be started: {error.strerror}.",
+                "Check server.client_python, or leave it to `auto`.",
+            ) from error
 
     def __exit__(
         self,
@@ -134,10 +203,7 @@ class CollectorProcess:
         finally:
             self.kill()
             process.wait()
-            for stream in (process.stdin, process.stdout):
-                if stream is not None:
-                    with suppress(BrokenPipeError):
-                        stream.close()
+            _close(process)
 
     @property
     def _started(self) -> subprocess.Popen[bytes]:

@@ -13,7 +13,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import AbstractContextManager, ExitStack, suppress
 from functools import partial
 from types import TracebackType
 from typing import Any, Protocol
@@ -25,7 +25,7 @@ from carstage.errors import (
     ServerEndedError,
     StorageError,
 )
-from carstage.execution import CollectorProcess, InterpreterError
+from carstage.execution import CollectorAhead, CollectorProcess, InterpreterError
 from carstage.plan import estimate_tick_s
 from carstage.runs.attempt_commit import AttemptCommit, Job
 from carstage.runs.explaining import (
@@ -43,6 +43,7 @@ from carstage.server import Endpoint, Server
 from carstage.spec import EpisodeSpec, event_plugins
 from carstage.storage.disk import disk_error
 
+COLLECTOR_LOG = "collector.log"
 POLL_S = 0.2
 _STALL_S = 600.0
 _STOP_S = 20.0
@@ -116,6 +117,7 @@ class ServerWorker:
         self._clock_s = clock_s
         self._server: Server | None = None
         self._endpoint: Endpoint | None = None
+        self._ahead: CollectorAhead | None = None
         self._recorded_on_server = 0
 
     def __enter__(self) -> ServerWorker:
@@ -127,6 +129,7 @@ class ServerWorker:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        self._end_ahead()
         self._stop_server()
 
     def record(self, job: Job) -> None:
@@ -186,6 +189,7 @@ class ServerWorker:
     def _start_server(self) -> tuple[Server, Endpoint]:
         """Start it; once more when it ended by itself, as large servers now and then do."""
         tries_left = _START_TRIES
+        self._start_ahead()
         while True:
             self._interruption.check()
             tries_left -= 1
@@ -198,6 +202,17 @@ class ServerWorker:
                 self._host.on_event({"event": "server_lost", "reason": str(error)})
             except OSError as error:
                 raise self._disk_error(error) from error
+
+    def _start_ahead(self) -> None:
+        """Have a collector load its client while the server starts."""
+        if self._ahead is None and self._setup.has_own_collector:
+            with suppress(OSError):  # the one that is started later tells it
+                self._ahead = CollectorAhead(self._folder.logs / COLLECTOR_LOG, self._python)
+
+    def _end_ahead(self) -> None:
+        ahead, self._ahead = self._ahead, None
+        if ahead is not None:
+            ahead.end()
 
     def _stop_server(self, *, at_once: bool = False) -> None:
         server, self._server, self._endpoint = self._server, None, None
@@ -217,16 +232,18 @@ class ServerWorker:
         collector = CollectorProcess(
             self._plan(attempt_commit, endpoint),
             plan_path=self._folder.logs / f"collector-plan-{name}.json",
-            log_path=self._folder.logs / "collector.log",
+            log_path=self._folder.logs / COLLECTOR_LOG,
             python=self._python,
             module=server.collector,
             folders=self._setup.collector_folders,
+            ahead=self._ahead,
         )
         last_words: dict[str, Any] = {}
         incomplete_ticks: int | None = None
         with ExitStack() as stack:
             stack.enter_context(self._interruption.deferred())
             stack.enter_context(collector)
+            self._ahead = None
             stack.enter_context(self._interruption.kills(collector.kill))
             if endpoint.pid is not None:
                 kill_server = partial(os.killpg, endpoint.pid, signal.SIGKILL)
@@ -294,6 +311,7 @@ class ServerWorker:
                 "timeout_s": call_s,
                 "load_timeout_s": load_s,
                 "traffic_manager_port": endpoint.traffic_manager_port,
+                "exact_sensor_tick": self._setup.exact_sensor_tick,
                 **({} if gnss is None else {"gnss": dict(gnss)}),
             },
             "queue_bytes": self._setup.output.raw_queue_mb * _BYTES_PER_MB,

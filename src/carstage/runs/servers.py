@@ -169,6 +169,11 @@ class ServerSetup:
         )
 
     @property
+    def has_own_collector(self) -> bool:
+        """Whether Car-STAGE's collector records from the server."""
+        return not isinstance(self._config.server, ClassServerConfig)
+
+    @property
     def collector_folders(self) -> list[str]:
         """Where Python looks for the collector's module last; none where it is Car-STAGE's."""
         server = self._config.server
@@ -203,6 +208,11 @@ class ServerSetup:
         """For the collector's plan: steps before the first saved one with sensors on; None: all."""
         embedded = isinstance(self._config.server, EmbeddedServerConfig)
         return _EMBEDDED_SENSOR_WARMUP_TICKS if embedded else None
+
+    @property
+    def exact_sensor_tick(self) -> bool:
+        """Whether ``sensor_tick`` counts whole steps, from the first in which somebody listens."""
+        return isinstance(self._config.server, EmbeddedServerConfig)
 
     @property
     def start_notice(self) -> str:

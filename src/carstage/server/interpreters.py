@@ -7,7 +7,9 @@ imported the wheel.
 
 from __future__ import annotations
 
+import hashlib
 import importlib.metadata
+import importlib.util
 import os
 import shutil
 import subprocess
@@ -18,7 +20,7 @@ from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
-from carstage.cache import cache_folder, home_folder
+from carstage.cache import cache_folder, home_folder, keep_in_cache
 from carstage.errors import BadInputError, ServerError
 from carstage.files.home import without_tilde
 from carstage.releases import CLIENT_PYTHONS, Release, client_release, release_of
@@ -159,8 +161,14 @@ def create_client(release: Release) -> ClientPython:
 
 
 def imports_wheel(python: Path) -> bool:
-    """Whether an interpreter can import its client wheel."""
-    return import_problem(python) is None
+    """Whether an interpreter can import its client wheel; of this one, asked once on a machine."""
+    kept = _kept_import(python)
+    if kept is not None and kept.exists():
+        return True
+    imports = import_problem(python) is None
+    if imports and kept is not None:
+        keep_in_cache(kept, "")
+    return imports
 
 
 def import_problem(python: Path) -> str | None:
@@ -174,6 +182,22 @@ def import_problem(python: Path) -> str | None:
         except (OSError, subprocess.SubprocessError) as error:
             return _reason(error)
     return None
+
+
+def _kept_import(python: Path) -> Path | None:
+    """The file whose being there says that this Python has imported these files of its wheel."""
+    found = importlib.util.find_spec("carla") if python == Path(sys.executable) else None
+    if found is None or found.origin is None:
+        return None
+    words = [sys.executable, sys.version]
+    with os.scandir(Path(found.origin).parent) as files:
+        for file in sorted(files, key=lambda one: one.path):
+            if not file.is_file():  # what Python compiled of it may change
+                continue
+            stat = file.stat()
+            words.append(f"{file.path} {stat.st_size} {stat.st_mtime_ns}")
+    digest = hashlib.sha256("\n".join(words).encode()).hexdigest()
+    return cache_folder() / f"imported-{digest[:16]}"
 
 
 def _wanted(python: Path, release: Release, server_version: str) -> ClientPython:

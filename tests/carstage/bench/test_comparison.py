@@ -93,6 +93,73 @@ def test_one_run_that_the_disk_held_up_does_not_turn_the_line() -> None:
     assert found.per_unit_s == pytest.approx(CAMERA_S[CARSTAGE], rel=0.02)
 
 
+@pytest.mark.parametrize(("values", "repeats"), [((1, 5), 2), ((1, 2, 3), 1), ((1, 3, 5), 5)])
+def test_a_line_tells_how_far_its_slope_may_be_off(values: tuple[int, ...], repeats: int) -> None:
+    chance = np.random.default_rng(0)
+    too_low = 0
+    for _ in range(1000):
+        runs = [
+            (Trial("cameras", CARSTAGE, value, repeat, 1), result(9.0 + chance.normal(value, 0.5)))
+            for value in values
+            for repeat in range(repeats)
+        ]
+        found = line(runs)
+        assert found is not None
+        too_low += found.per_unit_s + found.error_s < 1.0
+    assert 20 < too_low < 80  # it is said with 95 % confidence
+
+
+def lidar_runs(own_s: float, chance_s: float) -> list[tuple[Trial, TrialResult]]:
+    """Runs of which Car-STAGE's take ``own_s`` for each LiDAR, and others 1 s."""
+    chance = np.random.default_rng(1)
+    return [
+        (trial, result(5.0 + each_s * trial.value + chance.normal(0.0, chance_s)))
+        for trial in plan_trials(DOCS, ["lidars"])
+        for each_s in [own_s if trial.program == CARSTAGE else 1.0]
+    ]
+
+
+def test_a_sensor_that_costs_less_than_the_noise_has_a_bound() -> None:
+    verdict = judge(DOCS, lidar_runs(-0.01, 0.05), "", MACHINE)
+    figures = {figure.name: figure for figure in verdict.figures}
+    added = figures["lidars: carstage, ms per added LiDAR and frame"]
+    assert added.bound == "<="
+    assert 0.05 < float(added.value) < 1.0  # the slope is known to some hundredths of a second
+    ratio = figures["lidars: native-npy / carstage"]
+    per_ms = figures["lidars: native-npy, ms per added LiDAR and frame"]
+    assert ratio.bound == ">="
+    assert 10.0 < float(ratio.value) < float(per_ms.value) / float(added.value)
+    assert ratio.ok  # 1.2 is proved
+    noisy = judge(DOCS, lidar_runs(-0.01, 2.0), "", MACHINE)
+    (unproved,) = (one for one in noisy.figures if one.name == ratio.name)
+    assert (unproved.bound, unproved.ok, noisy.ok) == (">=", False, False)
+    assert float(unproved.value) < 1.2
+    assert "less than can be measured: < " in verdict.text()
+    assert any("--repeat" in note for note in verdict.notes)
+
+
+def test_what_is_measured_has_no_bound() -> None:
+    verdict = judge(DOCS, lidar_runs(0.1, 0.02), "", MACHINE)
+    assert all(figure.bound is None for figure in verdict.figures)
+    assert not any("--repeat" in note for note in verdict.notes)
+
+
+def test_one_run_of_each_of_two_values_gives_no_bound_and_proves_nothing(tmp_path: Path) -> None:
+    preset = dataclasses.replace(DOCS, lidars=(1, 5), repeats=1)
+    runs = [
+        (trial, result(5.0 + (-0.1 if trial.program == CARSTAGE else 1.0) * trial.value))
+        for trial in plan_trials(preset, ["lidars"])
+    ]
+    verdict = judge(preset, runs, "", MACHINE)
+    figures = {figure.name: figure for figure in verdict.figures}
+    own = figures["lidars: carstage, ms per added LiDAR and frame"]
+    assert own.value == "less than one run of each can show"
+    ratio = figures["lidars: native-npy / carstage"]
+    assert (ratio.value, ratio.bound, ratio.ok) == (0.0, ">=", False)
+    write_report(tmp_path, preset, MACHINE, runs, verdict)
+    assert "| carstage | ? |" in (tmp_path / "comparison.md").read_text()
+
+
 def test_spread_is_median_and_middle_half() -> None:
     trials = [Trial("cameras", CARSTAGE, 1, repeat, 10) for repeat in range(5)]
     found = spread([(t, result(s)) for t, s in zip(trials, (1, 2, 3, 4, 90), strict=True)], 1)

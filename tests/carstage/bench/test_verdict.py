@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from typing import Literal
 
 import pytest
 
@@ -25,6 +26,21 @@ def test_a_figure_is_held_to_its_target(
     value: float | str, relation: Relation, target: float | str, ok: bool
 ) -> None:
     assert Figure("x", value, relation, target).ok is ok
+
+
+@pytest.mark.parametrize(
+    ("bound", "relation", "value", "ok"),
+    [(">=", ">=", 5.0, True), (">=", ">=", 2.0, False), ("<=", ">=", 5.0, False),
+     ("<=", "<=", 2.0, True), (">=", "<=", 2.0, False)],
+)  # fmt: skip
+def test_a_bound_meets_only_a_target_that_follows_from_it(
+    bound: Literal["<=", ">="], relation: Relation, value: float, ok: bool
+) -> None:
+    figure = Figure("x", value, relation, 3.0, bound)
+    assert figure.ok is ok
+    assert Verdict("demo", (figure,)).record()["figures"]["x"]["bound"] == bound
+    text = Verdict("demo", (figure,)).text()
+    assert (f"at least {value:.3f}" if bound == ">=" else f"measured: < {value:.3f}") in text
 
 
 def test_json_is_one_line_with_figures_beside_targets() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import gc
 import json
 import os
 import pty
@@ -19,6 +20,7 @@ from typer.testing import CliRunner, Result
 from carstage.cli import unsupported
 from carstage.cli.app import app
 from carstage.cli.doctor import server_setting
+from carstage.cli.loading import loading
 from carstage.config import Config, check_config, dump_config, load_demo, parse_config
 from carstage.selftest import Check, Verdict
 from carstage.storage import CommitMarker, FileEntry
@@ -487,3 +489,15 @@ def test_the_command_seldom_looks_for_garbage_while_it_loads() -> None:
     )
     collections = int(ended.stdout.split()[-1])
     assert collections < 50
+
+
+def test_nothing_is_looked_through_for_garbage_while_modules_load() -> None:
+    frozen = gc.get_freeze_count()
+    try:
+        with loading():
+            assert not gc.isenabled()
+            made: list[list[int]] = [[] for _ in range(1000)]
+        assert gc.isenabled()
+        assert gc.get_freeze_count() > frozen + len(made)
+    finally:
+        gc.unfreeze()

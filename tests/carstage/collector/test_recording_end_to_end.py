@@ -383,3 +383,58 @@ def test_an_asynchronous_server_is_followed(
     assert saved == list(range(len(saved)))
     assert len(log.world_frames(0)) == len(saved)
     assert collector.left_on_server() == GIVEN_BACK
+
+
+CAMERAS = {"CAM", "CAM.depth", "SEMANTIC", "CAM.instance"}
+
+
+def world_of(folder: Path) -> tuple[Any, Any]:
+    """What the log says of the world, but for the ``sensor_tick`` that sensors were given."""
+    log = EpisodeLog(folder)
+    actors = {
+        number: (
+            actor.type_id,
+            actor.parent,
+            {k: v for k, v in actor.attributes.items() if k != "sensor_tick"},
+        )
+        for number, actor in log.actors().items()
+    }
+    frames = [
+        (frame.tick, frame.meta, frame.actor_id.tolist(), frame.location.tobytes())
+        for index in log.segments
+        for frame in log.world_frames(index)
+    ]
+    return actors, frames
+
+
+def test_cameras_that_rest_where_nothing_is_saved_give_the_same_bytes(
+    collector: Collector, make_plan: PlanMaker, tmp_path: Path
+) -> None:
+    states = {}
+    for name, rests in (("all", False), ("some", True)):
+        plan = make_plan(tmp_path / name, steps=10, save_every=3, fps=30.0)
+        plan["server"]["exact_sensor_tick"] = rests
+        code, events = collector.run(plan)
+        assert code == 0, events
+        assert events[-2]["incomplete"] == 0
+        log = EpisodeLog(tmp_path / name)
+        rows = log.ledger()
+        assert [row["k"] for row in rows] == [0, None, None, 1, None, None, 2, None, None, 3]
+        states[name] = [
+            {sensor: one["state"] for sensor, one in row["sensors"].items()} for row in rows
+        ]
+        ticks = log.header["sensor_attributes"]["CAM"]["sensor_tick"]
+        assert float(ticks) == (pytest.approx(0.1) if rests else 0.0)
+        assert float(log.header["sensor_attributes"]["FLOW"]["sensor_tick"]) == 0.0
+    every, some = (
+        {path: data for path, data in truth(tmp_path / name).items() if raw.WORLD not in path}
+        for name in ("all", "some")
+    )
+    assert every == some
+    every_world, some_world = (world_of(tmp_path / name) for name in ("all", "some"))
+    assert every_world == some_world
+    assert {state for row in states["all"] for state in row.values()} == {"ok"}
+    for tick, row in enumerate(states["some"]):
+        off = {sensor for sensor, state in row.items() if state == "off"}
+        assert off == (CAMERAS if tick % 3 else set())
+        assert {state for sensor, state in row.items() if sensor not in off} == {"ok"}

@@ -8,19 +8,22 @@ from typing import Any
 import pytest
 
 from carstage.collector.internals.plan import EpisodePlan
+from carstage.collector.internals.resting import NONE_RESTS
 from carstage.collector.internals.warmup import WAIT_S, warm_up
 
 
 class Pretended:
     """Scene, pipeline and events at once, on a clock of their own; the sensor never delivers."""
 
+    resting = NONE_RESTS
+
     def __init__(self) -> None:
         self.now_s = 0.0
         self.frame = 10
         self.told: list[int] = []
 
-    def listen(self, callback: Any) -> None:
-        del callback
+    def listen(self, callback: Any, wanted: Any) -> None:
+        del callback, wanted
 
     def step(self, tick: int | None) -> Any:
         del tick
@@ -33,8 +36,8 @@ class Pretended:
     def callback(self, sensor: str) -> None:
         del sensor
 
-    def wait_delivered(self, frame: int, timeout_s: float) -> tuple[str, ...]:
-        del frame
+    def wait_delivered(self, frame: int, timeout_s: float, instead: Any = None) -> tuple[str, ...]:
+        del frame, instead
         self.now_s += timeout_s
         return ("SLOW",)
 

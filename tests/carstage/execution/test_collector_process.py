@@ -6,6 +6,7 @@ import json
 import os
 import selectors
 import stat
+import sys
 import venv
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ import psutil
 import pytest
 
 from carstage.errors import CollectorError
-from carstage.execution import CollectorProcess
+from carstage.execution import CollectorAhead, CollectorProcess
 
 DEADLINE_S = 60.0
 
@@ -140,3 +141,66 @@ def test_collector_runs_in_a_python_that_lacks_carstage(tmp_path: Path) -> None:
         assert child.wait(DEADLINE_S) == 2
     assert refused["kind"] == "plan"
     assert finished["exit_code"] == 2
+
+
+def with_one_ahead(tmp_path: Path, script: str) -> tuple[CollectorAhead, CollectorProcess]:
+    """A child that runs ``script`` and waits for its plan; one that would run ``exit 9`` itself."""
+    process(tmp_path, script)
+    waiting = CollectorAhead(tmp_path / "collector.log", str(tmp_path / "python"))
+    (tmp_path / "python").replace(tmp_path / "waiting")  # sh reads its script as it goes on
+    process(tmp_path, "exit 9")
+    return waiting, CollectorProcess(
+        {"plan_version": 1},
+        plan_path=tmp_path / "plan.json",
+        log_path=tmp_path / "collector.log",
+        python=str(tmp_path / "python"),
+        ahead=waiting,
+    )
+
+
+def test_one_that_waits_takes_its_plan_from_its_input(tmp_path: Path) -> None:
+    script = 'read -r plan; echo "it is here" >&2; printf \'{"event": "%s"}\\n\' "$3 ${plan##*/}"'
+    waiting, collector = with_one_ahead(tmp_path, script)
+    with collector as child:
+        assert child.pid == waiting.process.pid
+        assert listen(child) == [{"event": "- plan.json"}]
+        assert child.wait(DEADLINE_S) == 0
+        assert child.log_tail() == "it is here"
+    assert json.loads((tmp_path / "plan.json").read_text()) == {"plan_version": 1}
+
+
+def test_one_that_has_ended_without_its_plan_is_replaced(tmp_path: Path) -> None:
+    waiting, collector = with_one_ahead(tmp_path, "exit 3")
+    waiting.process.wait(DEADLINE_S)
+    with collector as child:
+        assert child.wait(DEADLINE_S) == 9
+
+
+def test_one_that_gets_no_plan_is_ended(tmp_path: Path) -> None:
+    waiting, _ = with_one_ahead(tmp_path, "read -r plan")
+    waiting.end()
+    assert waiting.process.returncode == -9
+
+
+def test_the_collector_loads_its_client_and_waits_for_its_plan(tmp_path: Path) -> None:
+    waiting = CollectorAhead(tmp_path / "collector.log", sys.executable)
+    collector = CollectorProcess(
+        {"plan_version": 0},
+        plan_path=tmp_path / "plan.json",
+        log_path=tmp_path / "collector.log",
+        ahead=waiting,
+    )
+    with collector as child:
+        assert child.pid == waiting.process.pid
+        refused, finished = listen(child)
+        assert child.wait(DEADLINE_S) == 2
+    assert refused["kind"] == "plan"
+    assert finished["exit_code"] == 2
+
+
+def test_a_waiting_collector_ends_with_its_input(tmp_path: Path) -> None:
+    waiting = CollectorAhead(tmp_path / "collector.log", sys.executable)
+    assert waiting.process.stdin is not None
+    waiting.process.stdin.close()
+    assert waiting.process.wait(DEADLINE_S) == 0
+    waiting.end()

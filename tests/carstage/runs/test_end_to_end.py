@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from carstage.rawlog.reader import EpisodeLog
 from carstage.server import EmbeddedServer
 from driving import (
     TESTED,
@@ -154,3 +155,26 @@ def test_a_share_that_has_no_episode_is_done_at_once(
     assert json.loads(ended.stdout.splitlines()[-1])["episodes"]["total"] == 0
     ended = carstage(["run", small, "--out", str(out), "--shard", "8/7"], home)
     assert (ended.code, "shard: 8/7" in ended.stderr) == (2, True), ended.stderr
+
+
+def test_a_server_that_lets_cameras_rest_gives_the_same_bytes_as_one_that_does_not(
+    small: str, home: Path, tmp_path: Path
+) -> None:
+    settings = ["--set", "save_every=3", "--set", "output.keep_raw=true"]
+    with EmbeddedServer(log_path=tmp_path / "server.log") as server:
+        place = f"{{kind: remote, host: 127.0.0.1, port: {server.endpoint.port}, self_test: off}}"
+        awake = ["--set", f"server={place}"]
+        off = {}
+        for name, given in (("awake", awake), ("resting", [])):
+            out = tmp_path / name
+            ended = carstage(["run", small, "--out", str(out), *settings, *given], home)
+            assert ended.code == 0, ended.stderr
+            (folder,) = (path.parent for path in out.rglob("raw/*/*/episode.json"))
+            off[name] = [
+                sorted(id for id, one in row["sensors"].items() if one["state"] == "off")
+                for row in EpisodeLog(folder).ledger()
+            ]
+    assert differing(tmp_path / "resting", tmp_path / "awake") == []
+    assert not any(off["awake"])
+    assert not any(off["resting"][::3])
+    assert all(len(one) >= 3 for tick, one in enumerate(off["resting"]) if tick % 3)

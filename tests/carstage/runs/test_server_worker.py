@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
@@ -178,6 +179,27 @@ def test_server_serves_one_episode_after_the_other(record: Record) -> None:
     assert servers.calls == ["start", "stop"]
     assert host.incomplete == [0, 0, 0]
     assert host.failures == []
+
+
+def test_a_collector_is_started_before_the_server_is_up(record: Record, tmp_path: Path) -> None:
+    told = tmp_path / "told"
+
+    class Slow(Servers):
+        """Servers that are made once a collector has told how it was started."""
+
+        def make(self, config: Config, log_path: Path | None) -> Server:
+            deadline_s = time.monotonic() + 30.0
+            while not told.exists():
+                assert time.monotonic() < deadline_s
+                time.sleep(0.01)
+            return super().make(config, log_path)
+
+    tell = f"open({str(told)!r}, 'a').write(sys.argv[3] + chr(10))"
+    host, _ = record(([RECORDED], tell), ([RECORDED], tell), servers=Slow())
+    assert host.incomplete == [0, 0]
+    first, second = told.read_text().splitlines()
+    assert first == "-"  # its plan comes later
+    assert Path(second).name.startswith("collector-plan-")
 
 
 def test_server_is_replaced_after_as_many_episodes_as_the_user_says(record: Record) -> None:

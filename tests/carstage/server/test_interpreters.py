@@ -121,6 +121,27 @@ def test_wheel_of_pip_install_user_is_in_sight(
         monkeypatch.setenv("PYTHONUSERBASE", str(machine / "elsewhere"))
 
 
+def test_own_wheel_is_imported_once_until_its_files_change(
+    machine: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wheel = machine / "site" / "carla" / "__init__.py"
+    wheel.parent.mkdir(parents=True)
+    wheel.write_text("")
+    monkeypatch.setitem(sys.modules, "carla", None)
+    monkeypatch.delitem(sys.modules, "carla")
+    monkeypatch.syspath_prepend(str(wheel.parents[1]))
+    answers = ["it is broken", None, None]
+    monkeypatch.setattr(interpreters, "import_problem", lambda python: answers.pop(0))
+    own = Path(sys.executable)
+    assert not imports_wheel(own)  # which is not kept: it may be mended without being touched
+    assert imports_wheel(own)
+    assert imports_wheel(own)
+    assert answers == [None]
+    wheel.write_text("changed")
+    assert imports_wheel(own)
+    assert answers == []
+
+
 def test_missing_client_is_refused_with_the_way_to_one(machine: Path) -> None:
     with pytest.raises(BadInputError) as refused:
         find_client("0.9.14")

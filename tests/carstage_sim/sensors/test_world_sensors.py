@@ -204,6 +204,18 @@ def test_sensor_tick_is_kept_without_drift(sensors):
     assert given == [1, 4, 6, 9, 11, 14, 16, 19, 21]
 
 
+@pytest.mark.parametrize("fps", [7.0, 10.0, 29.97, 30.0])
+@pytest.mark.parametrize("every", [2, 3, 40])
+def test_sensor_tick_of_whole_steps_is_due_in_exactly_those(fps, every):
+    """For as many steps as the collector relies on it; time is a sum of steps."""
+    asked = request("other.gnss", sensor_tick=repr(every / fps))
+    sensor = SensorRegistry.make(asked, town(GROUND))
+    step_s, now_s = 1.0 / fps, 12.3
+    for step in range(100_000):
+        assert sensor.is_due(now_s) == (step % every == 0), step
+        now_s += step_s
+
+
 def test_an_unknown_sensor_is_named(sensors):
     with pytest.raises(KeyError, match=r"sensor\.other\.unknown"):
         sensors.capture(state(1), [request("other.unknown")])

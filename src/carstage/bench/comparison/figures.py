@@ -2,14 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from itertools import combinations
+from typing import Final, Literal
 
 import numpy as np
 
 from carstage.bench.comparison.presets import Experiment
 from carstage.bench.comparison.trials import Trial, TrialResult
+
+_STUDENT: Final = {
+    1: 6.314, 2: 2.920, 3: 2.353, 4: 2.132, 5: 2.015, 6: 1.943, 7: 1.895, 8: 1.860, 9: 1.833,
+    10: 1.812, 15: 1.753, 20: 1.725, 30: 1.697, 60: 1.671, 120: 1.658,
+}  # fmt: skip
+"""The quantile 0.95 of Student's t distribution, by the degrees of freedom."""
+_FEW_PAIRS = 6
+_MEDIAN_APART_OF_SD = 0.9539
+"""The median of how far two draws from a normal distribution are apart, of its deviation."""
+_OF_A_MEDIAN = math.pi / 2.0
+"""The variance of a median of many such draws, of that of their mean; of few it is smaller."""
 
 Measured = Sequence[tuple[Trial, TrialResult]]
 Quantity = Literal["recorded_s", "cpu_s"]
@@ -40,12 +53,32 @@ class Line:
         begin_s: seconds at value 0.
         r2: coefficient of determination; 1 is a line.
         values: how many values there are; with two, ``r2`` means nothing.
+        error_s: ``per_unit_s`` is not further off to one side, with 95 % confidence; NaN where the
+            runs are too few to tell.
     """
 
     per_unit_s: float
     begin_s: float
     r2: float
     values: int
+    error_s: float
+
+    @property
+    def is_measurable(self) -> bool:
+        """Whether a unit takes more than chance alone would show; one run of each cannot tell."""
+        if math.isnan(self.error_s):
+            return self.per_unit_s > 0.0
+        return self.per_unit_s > self.error_s
+
+    @property
+    def least_s(self) -> float:
+        """A unit takes no less; 0 where that is all that is known."""
+        return 0.0 if math.isnan(self.error_s) else max(0.0, self.per_unit_s - self.error_s)
+
+    @property
+    def most_s(self) -> float:
+        """A unit takes no more; NaN where the runs are too few to tell."""
+        return max(0.0, self.per_unit_s) + self.error_s
 
 
 def of(measured: Measured, experiment: Experiment, program: str) -> Measured:
@@ -103,7 +136,47 @@ def line(runs: Measured, quantity: Quantity = "recorded_s") -> Line | None:
     trial = runs[0][0]
     per = 1.0 if trial.experiment == "frames" else 1.0 / trial.frames
     r2 = 1.0 - rest / spread_of_all if spread_of_all > 0.0 else float("nan")
-    return Line(float(slope) * per, float(begin), r2, len(xs))
+    error_s = _error_of_slope(points, xs, rest)
+    return Line(float(slope) * per, float(begin), r2, len(xs), error_s * per)
+
+
+def _error_of_slope(
+    points: Sequence[tuple[float, float]], xs: Sequence[float], rest: float
+) -> float:
+    """How far a slope through medians may be off, at 95 %; NaN where nothing tells it.
+
+    The spread of the runs at each value and how far the medians lie from the line both tell the
+    variance of a median, each with its degrees of freedom. Of many runs, single ones that were held
+    up do not count.
+
+    Args:
+        points: value and seconds of all runs.
+        xs: the values.
+        rest: sum of the squares by which the medians miss the line.
+    """
+    runs = [[y for x, y in points if x == at] for at in xs]
+    square = float(np.sum((np.array(xs) - np.mean(xs)) ** 2))
+    off_line = len(xs) - 2
+    at_values = sum(len(ys) - 1 for ys in runs)
+    if off_line + at_values == 0:
+        return float("nan")
+    sd = _deviation([abs(a - b) for ys in runs for a, b in combinations(ys, 2)])
+    of_medians = float(np.mean([(1.0 if len(ys) < 3 else _OF_A_MEDIAN) / len(ys) for ys in runs]))
+    freedom = off_line + at_values
+    variance = (at_values * sd**2 * of_medians + rest) / freedom
+    return _student(freedom) * math.sqrt(variance / square)
+
+
+def _deviation(apart: Sequence[float]) -> float:
+    """The standard deviation of runs, by how far pairs of them are apart; 0 without any."""
+    if len(apart) >= _FEW_PAIRS:
+        return _median(apart) / _MEDIAN_APART_OF_SD
+    return math.sqrt(float(np.mean(np.square(apart))) / 2.0) if apart else 0.0
+
+
+def _student(freedom: int) -> float:
+    """The quantile of as many degrees of freedom, or of fewer where those are not listed."""
+    return _STUDENT[max(known for known in _STUDENT if known <= freedom)]
 
 
 def _x(trial: Trial, result: TrialResult) -> float:

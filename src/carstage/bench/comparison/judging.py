@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
@@ -75,10 +76,16 @@ def judge(preset: Preset, measured: Measured, command: str, machine: Mapping[str
     notes = [
         "Seconds of a line fitted through the medians, by the clock, from the first tick that "
         "counts until all is on the disk, conversion and labels included; with fewer frames for "
-        "slow programs, see the preset. Totals count from the start of the program."
+        "slow programs, see the preset. Totals count from the start of the program.",
     ]
+    if any(one.bound is not None for one in figures):
+        notes.append(
+            "What costs less than can be measured has a bound by the spread of the runs (95 %); a "
+            "ratio to it meets its target where the bound alone proves it. More runs (--repeat), "
+            "or more values, narrow it."
+        )
     if preset.name == QUICK:
-        figures = [Figure(one.name, one.value) for one in figures]
+        figures = [Figure(one.name, one.value, bound=one.bound) for one in figures]
         notes.append("The quick preset shows that everything runs; it judges nothing.")
     return Verdict("comparison", tuple(figures), notes, command)
 
@@ -99,23 +106,40 @@ def _figures_of(
             if found is not None:
                 lines[name, quantity] = found
         if (name, "recorded_s") in lines:
-            ms = 1e3 * scale * lines[name, "recorded_s"].per_unit_s
-            figures.append(Figure(f"{experiment}: {name}, ms {_UNITS[experiment]}", ms))
+            title = f"{experiment}: {name}, ms {_UNITS[experiment]}"
+            figures.append(_added(title, lines[name, "recorded_s"], 1e3 * scale))
     for slower, faster, least, least_of_many in RATIO_TARGETS[experiment]:
         for quantity, label in _QUANTITIES.items():
             pair = lines.get((slower, quantity)), lines.get((faster, quantity))
             if pair[0] is None or pair[1] is None:
                 continue
-            ratio = pair[0].per_unit_s / pair[1].per_unit_s
             target = least_of_many if many else least
             wanted = target if quantity == "recorded_s" else None
-            figures.append(Figure(f"{experiment}: {slower} / {faster}{label}", ratio, ">=", wanted))
+            title = f"{experiment}: {slower} / {faster}{label}"
+            figures.append(_ratio(title, pair[0], pair[1], wanted))
     figures += _whole_runs(experiment, measured, many)
     if experiment == "frames":
         figures += _steadiness(measured, lines)
     if experiment in ("frames", "cameras"):
         figures += _memory(experiment, measured)
     return figures
+
+
+def _added(title: str, added: Line, scale: float) -> Figure:
+    """What a unit adds; where that is lost in the spread of the runs, what it cannot exceed."""
+    if added.is_measurable:
+        return Figure(title, scale * added.per_unit_s)
+    if math.isnan(added.error_s):
+        return Figure(title, "less than one run of each can show")
+    return Figure(title, scale * added.most_s, bound="<=")
+
+
+def _ratio(title: str, slower: Line, faster: Line, target: float | None) -> Figure:
+    """How many times as much the slower adds; the least that is proved, where one is not known."""
+    if slower.is_measurable and faster.is_measurable:
+        return Figure(title, slower.per_unit_s / faster.per_unit_s, ">=", target)
+    proved = slower.least_s / faster.most_s if faster.most_s > 0.0 else 0.0
+    return Figure(title, proved, ">=", target, bound=">=")
 
 
 def _whole_runs(experiment: Experiment, measured: Measured, many_cores: bool) -> list[Figure]:

@@ -11,7 +11,15 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from carstage.bench.comparison.figures import Measured, line, of, programs_in, spread, values_in
+from carstage.bench.comparison.figures import (
+    Line,
+    Measured,
+    line,
+    of,
+    programs_in,
+    spread,
+    values_in,
+)
 from carstage.bench.comparison.plots import plot_all
 from carstage.bench.comparison.presets import EXPERIMENTS, Experiment, Preset
 from carstage.bench.comparison.programs import PROGRAMS
@@ -108,7 +116,7 @@ def _table(experiment: Experiment, measured: Measured) -> Rows:
         value = values_in(runs)[-1]
         last = [(trial, result) for trial, result in runs if trial.value == value]
         found, all_of = line(runs), spread(runs, value)
-        per = "" if found is None else f"{1e3 * scale * found.per_unit_s:.1f}"
+        per = "" if found is None else _per_unit(found, 1e3 * scale)
         r2 = "" if found is None or found.values < 3 else f"{found.r2:.3f}"
         rows.append(
             (
@@ -127,6 +135,12 @@ def _table(experiment: Experiment, measured: Measured) -> Rows:
             )
         )
     return rows
+
+
+def _per_unit(found: Line, scale: float) -> str:
+    if found.is_measurable:
+        return f"{scale * found.per_unit_s:.1f}"
+    return "?" if math.isnan(found.error_s) else f"< {scale * found.most_s:.1f}"
 
 
 def _markdown(
@@ -156,9 +170,8 @@ def _markdown_table(rows: Sequence[Sequence[str]]) -> Iterator[str]:
 def _figure_rows(verdict: Verdict) -> Rows:
     rows: Rows = [("figure", "value", "target", "")]
     for figure in verdict.figures:
-        value = f"{figure.value:.3g}" if isinstance(figure.value, float) else str(figure.value)
         target = "" if figure.target is None else f"{figure.relation} {figure.target:g}"
-        rows.append((figure.name, value, target, "" if figure.ok else "missed"))
+        rows.append((figure.name, figure.shown(".3g"), target, "" if figure.ok else "missed"))
     return rows
 
 

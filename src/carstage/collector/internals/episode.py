@@ -13,6 +13,7 @@ from carstage.collector.internals.events import EventStream
 from carstage.collector.internals.level_objects import level_objects
 from carstage.collector.internals.matching import ExpectedFrame, FrameMatcher
 from carstage.collector.internals.plan import EpisodePlan, Plan
+from carstage.collector.internals.resting import resting_sensors
 from carstage.collector.internals.scene import Scene, build_scene
 from carstage.collector.internals.snapshots import WorldMoment, WorldObserver
 from carstage.collector.internals.stopping import StopRequest
@@ -96,7 +97,8 @@ class EpisodeRecorder:
             attempt=episode.attempt,
             ticks=episode.spec.steps,
         )
-        server = self._plan.server
+        server, spec = self._plan.server, episode.spec
+        resting = resting_sensors(spec, server.exact_sensor_tick, self._plan.sensor_warmup_ticks)
         with ExitStack() as stack:
             session = stack.enter_context(
                 WorldSession(self._client, episode.spec, server.timeout_s, server.load_timeout_s)
@@ -109,6 +111,7 @@ class EpisodeRecorder:
                 check=self._stop.check,
                 drivers=drivers,
                 program=self._plan.program,
+                resting=resting,
             )
             self._events.emit(
                 "actors_spawned",
@@ -171,6 +174,7 @@ class EpisodeRecorder:
                     not spec.timing.demands_all,
                     not spec.timing.sensor_sync,
                     sparse=_sparse(spec),
+                    resting=scene.resting.streams,
                 ),
                 budget,
                 spec.steps,

@@ -6,7 +6,7 @@ Pure logic: the clock is an argument, nothing waits here. The thread around it i
 from __future__ import annotations
 
 from collections import deque
-from typing import Any, Deque, Dict, List, NamedTuple, Optional, Sequence, Set, Tuple
+from typing import AbstractSet, Any, Deque, Dict, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 OK = "ok"
 MISSING = "missing"
@@ -14,6 +14,7 @@ LATE = "late"
 MISMATCHED = "mismatched"
 OFF = "off"
 
+_RESTS = "it rests in ticks that are not saved"
 SPARSE_PATIENCE_S = 0.5
 """How long a frame stays open for sensors that may have nothing to deliver, if none follows."""
 
@@ -80,6 +81,13 @@ class _PendingFrame:
         self.outcomes: Dict[str, SensorOutcome] = {}
         self.lost: Set[str] = set()
         self.whole_s: Optional[float] = None
+        self.resting: AbstractSet[str] = frozenset()
+
+    def rest(self, sensors: AbstractSet[str]) -> None:
+        """Book sensors that do not measure, as the tick is not saved."""
+        self.resting = sensors
+        for sensor in sensors:
+            self.outcomes[sensor] = SensorOutcome(OFF, _RESTS, 0.0)
 
     def lacking(self, sensors: Sequence[str]) -> List[str]:
         return [sensor for sensor in sensors if sensor not in self.outcomes]
@@ -102,6 +110,7 @@ class FrameMatcher:
         sparse: sensors that may deliver nothing for a frame, which is then ``ok`` and empty. Such a
             frame is closed when a later one is whole but for them, or :data:`SPARSE_PATIENCE_S`
             after its own others: what they deliver is on the way long before.
+        resting: sensors that are ``off`` in ticks that are not saved.
     """
 
     def __init__(
@@ -112,8 +121,10 @@ class FrameMatcher:
         own_timelines: bool = False,
         gather: bool = False,
         sparse: Sequence[str] = (),
+        resting: AbstractSet[str] = frozenset(),
     ) -> None:
         self._sensors = tuple(sensors)
+        self._resting = resting
         self._patience_s = patience_s
         self._skip = skip
         self._own_timelines = own_timelines
@@ -153,6 +164,8 @@ class FrameMatcher:
     def expect(self, expected: ExpectedFrame, now_s: float) -> None:
         """Announce a tick; ticks come in order."""
         frame = _PendingFrame(expected, now_s)
+        if expected.k is None and expected.seen:
+            frame.rest(self._resting)
         self._waiting.append(frame)
         for sensor, data in self._early.pop(expected.frame, {}).items():
             self._accept(frame, sensor, data, now_s)
@@ -336,7 +349,7 @@ class FrameMatcher:
         if now_s >= pending.since_s + 2 * self._patience_s or not pending.expected.seen:
             return True
         return all(
-            outcome.state in (OK, LATE) or sensor in pending.lost
+            outcome.state in (OK, LATE) or sensor in pending.lost or sensor in pending.resting
             for sensor, outcome in pending.outcomes.items()
         )
 

@@ -28,7 +28,8 @@ class ServerPlan:
     """Where the server is, and how long one call to it, or loading a map, may take.
 
     ``gnss``: what a self-test found; None takes what its release does. ``shared``: others may use
-    it, and a preview must leave it to them.
+    it, and a preview must leave it to them. ``exact_sensor_tick``: its ``sensor_tick`` counts whole
+    steps from the first in which somebody listens.
     """
 
     host: str
@@ -38,6 +39,7 @@ class ServerPlan:
     traffic_manager_port: int
     gnss: Optional[GnssConvention] = None
     shared: bool = False
+    exact_sensor_tick: bool = False
 
 
 @dataclass(frozen=True)
@@ -161,6 +163,9 @@ def _plan(plan: Fields) -> Plan:
             traffic_manager_port=server.integer("traffic_manager_port", 1, 65535),
             gnss=_gnss(server.object("gnss")) if "gnss" in server else None,
             shared=server.flag("shared") if "shared" in server else False,
+            exact_sensor_tick=server.flag("exact_sensor_tick")
+            if "exact_sensor_tick" in server
+            else False,
         ),
         queue_bytes=plan.integer("queue_bytes", 1) if "queue_bytes" in plan else QUEUE_BYTES,
         raw_store=plan.text("raw_store", RAW_STORES) if "raw_store" in plan else RAW_STORE,

@@ -9,6 +9,7 @@ from carstage.collector.drivers.base import Driver
 from carstage.collector.drivers.driving import EgoDriving
 from carstage.collector.drones import DroneFlight
 from carstage.collector.internals.plan import ProgramPlan, ServerPlan
+from carstage.collector.internals.resting import NONE_RESTS, Resting
 from carstage.collector.internals.traffic_manager_wakeup import TickWatch, started_threads
 from carstage.collector.patch_carriers import place_carriers, send_to_ego
 from carstage.collector.patches import PlacedPatch, place_patches
@@ -77,6 +78,7 @@ class Scene:
         pedestrian_rules: stops pedestrians at kerbs.
         walking_groups: keeps those who walk together side by side.
         patches: pictures on boards.
+        resting: which sensors do not measure in every step.
     """
 
     def __init__(
@@ -91,6 +93,7 @@ class Scene:
         pedestrian_rules: PedestrianRules,
         walking_groups: WalkingGroups,
         patches: Sequence[PlacedPatch] = (),
+        resting: Resting = NONE_RESTS,
     ) -> None:
         self._session = session
         self._clock = clock
@@ -102,6 +105,7 @@ class Scene:
         self._parties = tuple(parties)
         self.ego: Any = population.ego
         self.patches = tuple(patches)
+        self.resting = resting
         self.requested: Dict[str, int] = population.requested
         self.spawned: Dict[str, int] = population.spawned
 
@@ -154,10 +158,17 @@ class Scene:
             for name, size in party.rig.expected_bytes.items()
         }
 
-    def listen(self, callback: Callable[[str], Callable[[Any], None]]) -> None:
-        """Listen to all sensors; ``callback`` gives what takes the data of a stream."""
+    def listen(
+        self,
+        callback: Callable[[str], Callable[[Any], None]],
+        wanted: Callable[[str], bool] = lambda stream: True,
+    ) -> None:
+        """Listen to sensors; ``callback`` gives what takes the data of a stream that is wanted."""
         for party in self._parties:
-            party.rig.listen({name: callback(party.stream(name)) for name in party.rig.actors})
+            streams = {name: party.stream(name) for name in party.rig.actors}
+            party.rig.listen(
+                {name: callback(stream) for name, stream in streams.items() if wanted(stream)}
+            )
 
     def stop_listening(self) -> None:
         """Stop listening; stopping what never listened does nothing."""
@@ -173,6 +184,7 @@ def build_scene(
     check: Callable[[], None],
     drivers: Mapping[str, Driver] = MappingProxyType({}),
     program: Optional[ProgramPlan] = None,
+    resting: Resting = NONE_RESTS,
 ) -> Scene:
     """Spawn everybody and everything, in an order that depends on the plan alone.
 
@@ -184,6 +196,7 @@ def build_scene(
         check: called between long stretches; raises when somebody asks to end.
         drivers: by name of the agent, ``""`` of the ego; of others the Traffic Manager, or nobody.
         program: of scenario ``scenic`` or ``openscenario``.
+        resting: which sensors do not measure in every step.
 
     Raises:
         SceneError: the server cannot make the planned scene.
@@ -205,7 +218,7 @@ def build_scene(
     scenario.start(population)
     walkers = send_to_ego(session, population, carriers)
     parties = [
-        _party(session, spec, server, drivers, name, number, actor)
+        _party(session, spec, server, drivers, name, number, actor, resting)
         for number, (name, actor) in enumerate(
             [("", population.ego), *((a.spec.name, a.actor) for a in population.agents)]
         )
@@ -221,7 +234,7 @@ def build_scene(
     patches = place_patches(session, spec, population, carriers)
     return Scene(
         session, clock, scenario, parties, population, spec.step_s, event_runner, rules, groups,
-        patches,
+        patches, resting,
     )  # fmt: skip
 
 
@@ -233,10 +246,16 @@ def _party(
     name: str,
     number: int,
     actor: Any,
+    resting: Resting,
 ) -> Party:
     """Spawn the sensors of the ego or an agent, and give its driver the vehicle."""
     own, path = (spec, "") if not number else (spec.seen_by(name), "agents[%d]." % (number - 1))
-    rig = Rig(session, own, actor, path)
+    intervals_s = {
+        sensor.id: resting.interval_s
+        for sensor in own.sensors
+        if (stream_of(sensor.id, number) if number else sensor.id) in resting.streams
+    }
+    rig = Rig(session, own, actor, path, intervals_s)
     driving = None
     if name in drivers:
         field = "%s.driver" % (path.rstrip(".") or "ego")

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import logging
 import time
-from typing import Callable, Optional, Tuple
+from typing import Callable, Mapping, Optional, Tuple
 
+from carstage.collector.internals.errors import RecordingError
 from carstage.collector.internals.events import EventStream
 from carstage.collector.internals.plan import EpisodePlan
 from carstage.collector.internals.scene import Scene
@@ -37,7 +38,7 @@ def warm_up(
     what the warm-up leaves behind on a busy machine would make these late.
 
     Args:
-        scene: what is stepped.
+        scene: what is stepped; it knows which sensors do not measure in every tick.
         pipeline: where the sensors deliver; it is started here.
         episode: its number of ticks and its sensors.
         listening_ticks: how many of the ticks sensors are listened to in; None: all.
@@ -45,6 +46,9 @@ def warm_up(
         stop: asked between ticks.
         patience_s: how long recorded frames are waited for.
         clock_s: monotonic time.
+
+    Raises:
+        RecordingError: sensors that rest did not begin in the tick from which they count.
     """
     spec = episode.spec
     ticks = spec.warmup_ticks
@@ -52,14 +56,20 @@ def warm_up(
     own_timelines = not spec.timing.sensor_sync
     frame = 0
     left_s = WAIT_S
+    resting = scene.resting
+    measured = dict.fromkeys(resting.streams, -1)
     for number in range(ticks + 1):
         stop.check()
         pipeline.check()
         if number == begin_listening:
-            scene.listen(pipeline.callback)
+            scene.listen(pipeline.callback, lambda stream: stream not in resting.streams)
+        if number == resting.begin and resting.streams:
+            scene.listen(pipeline.callback, resting.streams.__contains__)
         if number == ticks:
             break
         frame = scene.step(None).frame
+        if resting.measure_in(number):
+            measured = dict.fromkeys(resting.streams, frame)
         events.warm_up(episode.episode_id, tick=number, ticks=ticks)
         if number >= begin_listening:
             begin_s = clock_s()
@@ -69,19 +79,36 @@ def warm_up(
                 left_s = max(0.0, left_s - (clock_s() - begin_s))
             else:
                 timeout_s = max(WAIT_S, patience_s) if number == ticks - 1 else WAIT_S
-                lacking = _await_frame(pipeline, stop, frame, timeout_s)
+                lacking = _await_frame(pipeline, stop, frame, timeout_s, measured)
             if lacking:
                 _log.info("warm-up frame %d: nothing yet from %s", frame, ", ".join(lacking))
+    _require_in_step(pipeline, measured)
     pipeline.begin(frame)
 
 
+def _require_in_step(pipeline: Pipeline, measured: Mapping[str, int]) -> None:
+    for name, expected in measured.items():
+        if pipeline.newest(name) != expected:
+            raise RecordingError(
+                "%s began to measure in another step than it was to." % name,
+                "The machine is too busy; a retry starts anew.",
+            )
+
+
 def _await_frame(
-    pipeline: Pipeline, stop: StopRequest, frame: int, timeout_s: float
+    pipeline: Pipeline,
+    stop: StopRequest,
+    frame: int,
+    timeout_s: float,
+    measured: Mapping[str, int],
 ) -> Tuple[str, ...]:
-    """The sensors that have not delivered a frame in time; ends early if somebody asks to."""
+    """The sensors that have not delivered a frame in time; ends early if somebody asks to.
+
+    Of those in ``measured`` it is another frame.
+    """
     left_s = timeout_s
     while True:
-        lacking = pipeline.wait_delivered(frame, min(WAIT_S, left_s))
+        lacking = pipeline.wait_delivered(frame, min(WAIT_S, left_s), measured)
         left_s -= WAIT_S
         if not lacking or left_s <= 0.0:
             return lacking

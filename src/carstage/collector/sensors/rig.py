@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
 from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
 
 import carla
@@ -29,12 +30,21 @@ class Rig:
         spec: the episode.
         ego: what carries them: the ego's ``carla.Vehicle``, or an agent's actor.
         path: in front of ``sensors`` where errors name one.
+        intervals_s: by sensor, simulated time between measurements, of those that do not measure
+            in every step.
 
     Raises:
         SceneError: unknown blueprint, attribute or attachment, or nothing to attach to.
     """
 
-    def __init__(self, session: WorldSession, spec: EpisodeSpec, ego: Any, path: str = "") -> None:
+    def __init__(
+        self,
+        session: WorldSession,
+        spec: EpisodeSpec,
+        ego: Any,
+        path: str = "",
+        intervals_s: Mapping[str, float] = MappingProxyType({}),
+    ) -> None:
         self._session = session
         library = session.world.get_blueprint_library()
         carriers = Carriers(session.world, ego)
@@ -48,6 +58,8 @@ class Rig:
             blueprint = find_blueprint(library, sensor.blueprint, place + ".blueprint")
             for name, value in _attributes(blueprint, sensor, spec, index, place):
                 blueprint.set_attribute(name, value)
+            if sensor.id in intervals_s:
+                blueprint.set_attribute("sensor_tick", repr(intervals_s[sensor.id]))
             carrier = carriers.carrier_of(sensor, place)
             actor = self._spawn(blueprint, sensor, carrier, place)
             session.destroy_on_exit("sensor %s" % sensor.id, actor)
@@ -88,8 +100,10 @@ class Rig:
         self._watchers = watchers
 
     def listen(self, callbacks: Mapping[str, Callable[[Any], None]]) -> None:
-        """Listen to every sensor, in the plan's order; stopped before anything is destroyed."""
+        """Listen to those sensors, in the plan's order; stopped before anything is destroyed."""
         for sensor_id, actor in self.actors.items():
+            if sensor_id not in callbacks:
+                continue
             watcher = self._watchers.get(sensor_id)
             record = callbacks[sensor_id]
             actor.listen(record if watcher is None else _both(record, watcher))

@@ -52,7 +52,7 @@ def interpreter_command(python: str, module: str, folders: Sequence[str] = ()) -
     return [python, foreign_python.__file__, module]
 
 
-def _started(command: Sequence[str], log_path: Path) -> tuple[int, subprocess.Popen[bytes]]:
+def _spawned(command: Sequence[str], log_path: Path) -> tuple[int, subprocess.Popen[bytes]]:
     """A process that ends with its standard input, and where its part of the log begins.
 
     Raises:
@@ -94,7 +94,7 @@ class CollectorAhead:
 
     def __init__(self, log_path: Path, python: str) -> None:
         self.log_path = log_path
-        self.log_start, self.process = _started(
+        self.log_start, self.process = _spawned(
             [*interpreter_command(python, _COLLECTOR), _PLAN_FROM_INPUT], log_path
         )
 
@@ -179,7 +179,7 @@ class CollectorProcess:
     def _start(self) -> None:
         command = interpreter_command(self._python, self._module, self._folders)
         try:
-            self._log_start, self._process = _started(
+            self._log_start, self._process = _spawned(
                 [*command, str(self._plan_path)], self._log_path
             )
         except OSError as error:

@@ -37,8 +37,8 @@ class AutopilotDriver(Section):
     comfort: bool = setting(
         True,
         title="Comfort",
-        description="Whether it accelerates, brakes and turns as gently as the limits below say, "
-        "until something surprises it; in synchronous timing. Off: as harshly as CARLA's own.",
+        description="Whether it drives gently, within the limits below, unless surprised; needs "
+        "`timing.mode: sync`. Off: as CARLA has it.",
         group="ego",
     )
     acceleration_m_s2: float = _limit(

@@ -30,7 +30,7 @@ class ComfortSpec:
 
     wanted: bool = True
     acceleration_m_s2: float = 1.8
-    lateral_m_s2: float = 2.2
+    lateral_m_s2: float = 1.8
     jerk_m_s3: float = 2.5
     gap_s: float = 1.6
 

@@ -19,7 +19,7 @@ FPS = 10
 AS_HARSH_AS_IT_COMES = {
     "wanted": False,
     "acceleration_m_s2": 1.8,
-    "lateral_m_s2": 2.2,
+    "lateral_m_s2": 1.8,
     "jerk_m_s3": 2.5,
     "gap_s": 1.6,
 }

@@ -8,6 +8,8 @@ from carstage.spec import ComfortSpec
 
 REACTION_S = 0.6
 """A speed that is to be kept at a place is followed with this time constant."""
+_LATE_S = 0.4
+"""Until the brakes do what is wished."""
 _FREE_S = 1.5
 """The same for the speed limit."""
 CREEPING_M_S = 0.5
@@ -30,11 +32,16 @@ def to_be_slower(
     """To drive not faster than some speed at a place ahead.
 
     The speed that still allows it grows with the root of the distance. It is followed with a time
-    constant, which the distance is shortened by.
+    constant, which the distance is shortened by. Who learns of the place late brakes evenly.
     """
     left_m = max(distance_m - REACTION_S * speed_m_s, 0.0)
     allowed_m_s = sqrt(there_m_s * there_m_s + 2.0 * comfort.acceleration_m_s2 * left_m)
-    return (allowed_m_s - speed_m_s) / REACTION_S
+    wish = (allowed_m_s - speed_m_s) / REACTION_S
+    if wish >= -comfort.acceleration_m_s2:
+        return wish
+    late_m = max(distance_m - _LATE_S * speed_m_s, _CLOSE_M)
+    even = (speed_m_s * speed_m_s - there_m_s * there_m_s) / (2.0 * late_m)
+    return max(wish, -max(even, comfort.acceleration_m_s2))
 
 
 def to_follow(comfort: ComfortSpec, speed_m_s: float, other_m_s: float, gap_m: float) -> float:

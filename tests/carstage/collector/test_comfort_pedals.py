@@ -121,6 +121,36 @@ def test_a_sign_is_asked_away(distance_m: float, wanted: float) -> None:
     assert sign.lowered(asked) == pytest.approx(wanted, rel=1e-6)
 
 
+def past_a_sign(heeds: bool, there_is_one: bool = True) -> list[float]:
+    """Speeds while a car slows down towards a sign, and the speed that is asked for at the end."""
+    car = Car(0.1)
+    pedals = Pedals(COMFORT, car.step_s)
+    drive(car, pedals, 1.5, 4.0)
+    at_m, speeds = car.way_m + 20.0, []
+    while car.way_m < at_m - 9.0:
+        sign = Sign(at_m - car.way_m, 15.0 / 3.6)
+        signs = [sign] if there_is_one else []
+        asked = pedals.desired_m_s(car.seen, -0.8, car.acted, signs)
+        car.step()
+        nearer = Sign(at_m - car.way_m, sign.speed_m_s)
+        car.command(nearer.lowered(asked) if heeds and there_is_one else asked)
+        speeds.append(car.speed)
+    return [*speeds, asked]
+
+
+def test_a_sign_does_not_change_how_one_slows_down() -> None:
+    *with_sign, asked = past_a_sign(heeds=True)
+    *without, _ = past_a_sign(heeds=True, there_is_one=False)
+    assert asked > with_sign[-1] + 1.0
+    assert with_sign == pytest.approx(without, abs=0.3)
+
+
+def test_a_traffic_manager_that_heeds_no_signs_is_found_out() -> None:
+    *speeds, asked = past_a_sign(heeds=False)
+    assert asked < speeds[-1] + 0.5
+    assert max(speeds) < speeds[0] + 1.5
+
+
 def test_a_sign_that_allows_less_is_not_asked_away() -> None:
     sign = Sign(3.0, 15.0 / 3.6)
     assert sign.lowered(sign.raised(12.0)) < 5.5

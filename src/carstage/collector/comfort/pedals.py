@@ -42,6 +42,8 @@ _LEAST_M_S, _SURELY_M_S = 0.05, 0.01
 _FIRST_START_M_S, _STARTING_M_S = 0.5, 0.15
 """So much more than its speed is asked of who starts: less would soon be braked for."""
 _KNOWN_STEPS = 20
+_MOST_UNHEEDED = 3.0
+"""So many answers as if there were no sign, and none is reckoned with any more."""
 
 
 class Sign(NamedTuple):
@@ -169,6 +171,8 @@ class Pedals:
         self._desired_m_s = 0.0
         self._error = 0.0
         self._answer = 0.0
+        self._raised = self._answer_raised = False
+        self._unheeded = 0.0
 
     def desired_m_s(
         self, speed_m_s: float, wish_m_s2: float, pedal_was: float, signs: Sequence[Sign]
@@ -182,6 +186,8 @@ class Pedals:
             signs: what the Traffic Manager slows down for.
         """
         limited = pedal_was < self._answer - 0.1
+        if not self._heeds_signs(pedal_was):
+            signs = ()
         if pedal_was < -_EMERGENCY_BRAKE:
             self._acceleration, self._held = min(self._acceleration, 0.0), 0.0
             self._planned_m_s = speed_m_s
@@ -199,6 +205,13 @@ class Pedals:
         surely_m_s = speed_m_s + more_m_s if starts else 0.0
         return self._asked(foreseen_m_s, self._pedal(foreseen_m_s, limited), surely_m_s, signs)
 
+    def _heeds_signs(self, pedal_was: float) -> bool:
+        """Whether the Traffic Manager slows down for signs: 0.9.13's drove as fast as was asked."""
+        if self._answer_raised:
+            heeded = pedal_was < self._answer + 0.2
+            self._unheeded = max(self._unheeded + (-0.1 if heeded else 1.0), 0.0)
+        return self._unheeded < _MOST_UNHEEDED
+
     def _answer_to(self, speed_m_s: float) -> None:
         """What the Traffic Manager has answered to this speed already, for the coming step."""
         proportional, integral, derivative = _gains(speed_m_s)
@@ -208,7 +221,7 @@ class Pedals:
         answer = proportional * error
         answer += integral * (error + self._error) + derivative * (error - self._error)
         self._answer = min(max(answer, -_BRAKE_END), _THROTTLE_END)
-        self._error = error
+        self._error, self._answer_raised = error, self._raised
 
     def _pedal(self, foreseen_m_s: float, limited: bool) -> float:
         """Where the pedals should be in the step after the coming one."""
@@ -241,6 +254,7 @@ class Pedals:
         nearer_m = foreseen_m_s * self._step_s
         signs = [Sign(max(sign.distance_m - nearer_m, 0.1), sign.speed_m_s) for sign in signs]
         asked_m_s = max([wanted_m_s] + [sign.raised(wanted_m_s) for sign in signs])
+        self._raised = asked_m_s > wanted_m_s + _SURELY_M_S
         self._desired_m_s = min([wanted_m_s] + [sign.lowered(asked_m_s) for sign in signs])
         return asked_m_s
 

@@ -16,6 +16,7 @@ pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("collector")]
 
 PlanMaker = Callable[..., dict[str, Any]]
 FPS = 10
+START_BEFORE_RED = 7
 AS_HARSH_AS_IT_COMES = {
     "wanted": False,
     "acceleration_m_s2": 1.8,
@@ -78,10 +79,19 @@ def test_the_ego_drives_gently_at_the_limit_and_through_lights(ride: Callable[..
     assert np.percentile(np.abs(gentle.felt), 95, axis=0).max() <= 3.0
     assert max(gentle.jerk) <= 6.0
     assert np.max(gentle.speed / gentle.limit) == pytest.approx(1.0, abs=0.08)
-    stands = gentle.speed < 0.05
-    assert np.any(stands)
     assert np.all(gentle.speed[-600:].reshape(-1, 300).max(axis=1) > 2.0)  # it goes on
     assert np.linalg.norm(np.diff(gentle.places, axis=0), axis=1).sum() > 250.0
+
+
+def test_the_ego_waits_at_red_and_starts_at_green(ride: Callable[..., Ride]) -> None:
+    ego = {"blueprint": "vehicle.tesla.model3", "spawn_index": START_BEFORE_RED}
+    waiting = ride("waiting", steps=600, ego=ego)
+    red = np.array([light == "Red" for light in waiting.light])
+    stands = red & (waiting.speed < 0.05)
+    assert stands.sum() > 2 * FPS
+    assert np.max(waiting.speed[red]) < 2.0
+    after = int(np.nonzero(stands)[0][-1]) + 1
+    assert np.max(waiting.speed[after : after + 8 * FPS]) > 4.0
 
 
 def test_the_same_plan_drives_the_same_and_comfort_can_be_left_out(

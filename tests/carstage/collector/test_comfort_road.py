@@ -77,6 +77,10 @@ def test_curvature_is_that_of_the_map() -> None:
     ahead.reach(((2, -1),))
     assert [place.curvature for place in ahead.places[:15]] == [0.0] * 15
     assert ahead.places[-1].curvature == pytest.approx(0.1, rel=0.02)
+    bends = ahead.bends_and_lights(100.0)
+    assert [ahead.places[number].curvature > 0.05 for number in bends] == [True] * len(bends)
+    assert bends[0] == 20
+    assert not ahead.bends_and_lights(30.0)
 
 
 def test_distances_do_not_jump_from_place_to_place() -> None:
@@ -101,10 +105,9 @@ def test_a_light_stops_at_its_line_only_and_only_its_lane() -> None:
 
 def test_signs_are_those_that_the_traffic_manager_slows_down_for() -> None:
     ahead = road()
-    signs = ahead.signs(1.0, 0.0, 60.0)
-    assert sorted(signs) == [
-        (pytest.approx(29.0), pytest.approx(30.0 / 3.6)),
-        (pytest.approx(37.0), pytest.approx(15.0 / 3.6)),
+    assert sorted(ahead.signs(60.0)) == [
+        (30.0, 0.0, pytest.approx(30.0 / 3.6)),
+        (38.0, 0.0, pytest.approx(15.0 / 3.6)),
     ]
 
 

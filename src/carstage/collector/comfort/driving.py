@@ -22,13 +22,13 @@ from carstage.spec import ComfortSpec
 
 _LOOK_EVERY_S = 0.5
 """How often it is asked who is near, and which way the Traffic Manager takes."""
-_AROUND_M = 90.0
+_MORE_AROUND_M = 15.0
+"""Until it is asked again, one gets so much nearer to others and to signs."""
 _MATTERS_M, _MATTERS_S = 20.0, 5.0
-"""Who is farther ahead does not matter yet: a distance for who stands, and more when driving."""
+"""Who is ahead matters from a distance on when standing, and from farther when driving."""
 _LANE_HALF_M = 1.6
 _DETOUR = 1.6
 """A path is at most so many times as long as the distance, for who drives ahead on it."""
-_BENDS_PER_M = 0.01
 _CURVE_BEFORE_M = 2.0
 _LIGHT_BEFORE_M = 2.0
 """CARLA's volumes before stop lines, in which the Traffic Manager stops, begin about there."""
@@ -97,6 +97,7 @@ class ComfortableDriving:
         self._look_every = max(1, round(_LOOK_EVERY_S / streets.step_s))
         self._steps = 0
         self._near: List[RoadUser] = []
+        self._marks: List[Tuple[float, float, float]] = []
         self._chosen: Tuple[Lane, ...] = ()
         self._gap_m = 0.0
         self._holds = False
@@ -112,13 +113,14 @@ class ComfortableDriving:
         here, velocity = state.get_transform().location, state.get_velocity()
         looks = self._steps % self._look_every == 0
         self._steps += 1
-        if looks:
-            self._near = self._streets.users.near(snapshot, here.x, here.y, _AROUND_M, self._id)
-        self._follow(here, looks)
         speed_m_s = sqrt(velocity.x * velocity.x + velocity.y * velocity.y)
         limit_m_s = self._share * limit_kmh / KMH_PER_M_S
-        signs = self._road.signs(here.x, here.y, _SIGN_S * limit_m_s)
-        signs = [sign for sign in signs if sign.speed_m_s < limit_m_s]
+        self._follow(here, looks)
+        if looks:
+            around_m = _matters_m(speed_m_s) + _MORE_AROUND_M
+            self._near = self._streets.users.near(snapshot, here.x, here.y, around_m, self._id)
+            self._marks = self._road.signs(_SIGN_S * limit_m_s + _MORE_AROUND_M)
+        signs = self._signs(here, limit_m_s)
         wish_m_s2 = min(
             on_free_road(self._comfort, speed_m_s, limit_m_s),
             self._wish_by_road(speed_m_s),
@@ -144,14 +146,24 @@ class ComfortableDriving:
         if anew or looks or not self._road.forks:
             self._road.reach(self._chosen)
 
+    def _signs(self, here: Any, limit_m_s: float) -> List[Sign]:
+        """Signs ahead that mean less than the limit."""
+        along_x, along_y = self._road.along(self._road.at)
+        found = []
+        for x, y, speed_m_s in self._marks:
+            dx, dy = x - here.x, y - here.y
+            if speed_m_s < limit_m_s and dx * along_x + dy * along_y > 0.0:
+                found.append(Sign(sqrt(dx * dx + dy * dy), speed_m_s))
+        return found
+
     def _wish_by_road(self, speed_m_s: float) -> float:
         """What curves and lights ask for."""
         comfort, road = self._comfort, self._road
         wish = comfort.acceleration_m_s2
         reach_m = speed_m_s * speed_m_s / (2.0 * comfort.acceleration_m_s2) + 2.0 * speed_m_s + 10.0
-        first, last = max(road.at - 1, 0), road.at + 1 + int(reach_m / SPACING_M)
-        for number, place in enumerate(road.places[first:last], first):
-            if place.curvature > _BENDS_PER_M:
+        for number in road.bends_and_lights(reach_m):
+            place = road.places[number]
+            if place.curvature > 0.0:
                 there_m_s = sqrt(comfort.lateral_m_s2 / place.curvature)
                 before_m = max(road.distance_m(number) - _CURVE_BEFORE_M, 0.0)
                 wish = min(wish, to_be_slower(comfort, speed_m_s, there_m_s, before_m))
@@ -173,7 +185,7 @@ class ComfortableDriving:
     def _wish_by_others(self, snapshot: Any, here: Any, speed_m_s: float) -> float:
         """What others on the road ahead ask for."""
         road, wish = self._road, self._comfort.acceleration_m_s2
-        matters_m = _MATTERS_M + _MATTERS_S * speed_m_s
+        matters_m = _matters_m(speed_m_s)
         ahead_x, ahead_y = road.along(road.at)
         for user in self._near:
             state = snapshot.find(user.id)
@@ -208,6 +220,11 @@ class ComfortableDriving:
         else:
             return
         self._streets.manager.distance_to_leading_vehicle(self._vehicle, distance_m)
+
+
+def _matters_m(speed_m_s: float) -> float:
+    """Who is farther ahead does not matter yet."""
+    return _MATTERS_M + _MATTERS_S * speed_m_s
 
 
 def _stops(state: Any, speed_m_s: float, stop_m: float) -> bool:

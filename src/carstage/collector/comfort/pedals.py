@@ -84,6 +84,7 @@ class _Car:
 
     def __init__(self, step_s: float) -> None:
         self._step_s = step_s
+        self._part_s = step_s / _PARTS
         self._late = [(part + 0.5) / _PARTS for part in range(_PARTS)]
         self._throttle = self._brake = 0.0
         self._felt: Sequence[float] = [0.0] * _PARTS
@@ -129,12 +130,15 @@ class _Car:
 
     def _press(self, pedal: float) -> List[float]:
         """Move the pedals for a step; the acceleration in each part of it, m/s²."""
-        part_s = self._step_s / _PARTS
+        pressed, released = _PRESSED_PER_S * self._part_s, _RELEASED_PER_S * self._part_s
+        to_throttle, to_brake = (pedal, 0.0) if pedal > 0.0 else (0.0, -pedal)
+        throttle, brake = self._throttle, self._brake
         felt = []
         for _ in range(_PARTS):
-            self._throttle = _moved(self._throttle, max(pedal, 0.0), part_s)
-            self._brake = _moved(self._brake, max(-pedal, 0.0), part_s)
-            felt.append(_FULL_THROTTLE_M_S2 * self._throttle - _FULL_BRAKE_M_S2 * self._brake)
+            throttle = _moved(throttle, to_throttle, pressed, released)
+            brake = _moved(brake, to_brake, pressed, released)
+            felt.append(_FULL_THROTTLE_M_S2 * throttle - _FULL_BRAKE_M_S2 * brake)
+        self._throttle, self._brake = throttle, brake
         return felt
 
     def _means(self, last: Sequence[float], coming: Sequence[float]) -> Tuple[float, float]:
@@ -145,11 +149,15 @@ class _Car:
         return mean / _PARTS, sum(coming) / _PARTS
 
 
-def _moved(place: float, to: float, time_s: float) -> float:
-    """Where a pedal is after a while."""
+def _moved(place: float, to: float, pressed: float, released: float) -> float:
+    """Where a pedal is after a while in which it can be pressed or released so far."""
+    if place == to:
+        return to
     if to > place:
-        return min(to, place + _PRESSED_PER_S * time_s)
-    return max(to, place - _RELEASED_PER_S * time_s)
+        place += pressed
+        return place if place < to else to
+    place -= released
+    return place if place > to else to
 
 
 class Pedals:

@@ -5,17 +5,18 @@ from __future__ import annotations
 import math
 from typing import Any, Dict, Iterable, List, NamedTuple, Sequence, Tuple
 
-from carstage.collector.comfort.pedals import KMH_PER_M_S, Sign
+from carstage.collector.comfort.pedals import KMH_PER_M_S
 
 SPACING_M = 2.0
 _PLACES_AHEAD = 45
-_LOOK_BACK, _LOOK_AHEAD = 4, 12
+_LOOK_BACK, _LOOK_AHEAD = 2, 6
 """So many places before and after the last known one, the nearest is looked for."""
 _BESIDE_M = 1.7
 """Who is farther from the path has another lane: the path begins anew there."""
 _MOST_BEHIND, _LEFT_BEHIND = 200, 10
 _AT_LINE_M = SPACING_M / 2.0 + 0.05
 _LEAST_M = 0.5
+_BENDS_PER_M = 0.01
 _DIGITS = 3
 """Of what is read from the map: the last bits of sines differ between processors."""
 
@@ -82,13 +83,15 @@ class RoadAhead:
         self._stop_lines = stop_lines
         self._waypoints: List[Any] = []
         self._beyond_m = 0.0
+        self._special: List[int] = []
         self.places: List[Place] = []
         self.at = 0
         self.forks = False
 
     def begin(self, location: Any) -> None:
         """Begin anew at a ``carla.Location``."""
-        self.places, self._waypoints, self.at, self.forks = [], [], 0, False
+        self.places, self._waypoints, self._special = [], [], []
+        self.at, self.forks = 0, False
         self._add(self._map.get_waypoint(location))
         self._beyond_m = 0.0
 
@@ -101,6 +104,7 @@ class RoadAhead:
         if self.at > _MOST_BEHIND:
             gone = self.at - _LEFT_BEHIND
             del self.places[:gone], self._waypoints[:gone]
+            self._special = [number - gone for number in self._special if number >= gone]
             self.at -= gone
         self._beyond_m = self._past_m(x, y, self.at)
         return beside_m < _BESIDE_M
@@ -116,6 +120,11 @@ class RoadAhead:
             if not following or self.forks:
                 return
             self._add(following[0])
+
+    def bends_and_lights(self, within_m: float) -> List[int]:
+        """Numbers of places that bend or have a stop line, from one back to a distance ahead."""
+        first, last = self.at - 1, self.at + int(within_m / SPACING_M)
+        return [number for number in self._special if first <= number <= last]
 
     def nearest(self, x: float, y: float, first: int, last: int) -> Tuple[float, int]:
         """How far the nearest place is (m), of ``first`` to before ``last``, and its number."""
@@ -144,15 +153,19 @@ class RoadAhead:
         length_m = max(_distance(b.x - a.x, b.y - a.y), _LEAST_M)
         return (b.x - a.x) / length_m, (b.y - a.y) / length_m
 
-    def signs(self, x: float, y: float, within_m: float) -> List[Sign]:
-        """What the Traffic Manager slows down for, from a place at which the vehicle is."""
+    def signs(self, within_m: float) -> List[Tuple[float, float, float]]:
+        """What the Traffic Manager slows down for: x, y (m), and the speed that it has there (m/s).
+
+        Args:
+            within_m: along the road, from where the vehicle is.
+        """
         found = []
         for mark in self._waypoints[self.at].get_landmarks(within_m, False):
             speed_kmh = mark.value if mark.type == _SPEED_LIMIT else _SIGN_KMH.get(mark.type)
             if speed_kmh is not None and mark.waypoint is not None:
                 there = mark.waypoint.transform.location
-                distance_m = round(_distance(there.x - x, there.y - y), _DIGITS)
-                found.append(Sign(distance_m, speed_kmh / KMH_PER_M_S))
+                place = round(there.x, _DIGITS), round(there.y, _DIGITS)
+                found.append((*place, speed_kmh / KMH_PER_M_S))
         return found
 
     def _past_m(self, x: float, y: float, number: int) -> float:
@@ -170,6 +183,8 @@ class RoadAhead:
             curvature = abs(math.radians(round(turned_deg, _DIGITS))) / far_m
         self._waypoints.append(waypoint)
         light = self._stop_lines.light_at((waypoint.road_id, waypoint.lane_id), x, y)
+        if curvature > _BENDS_PER_M or light is not None:
+            self._special.append(len(self.places))
         self.places.append(Place(x, y, curvature, light))
 
 

@@ -91,7 +91,7 @@ def real_time(
     return _report("real-time", lambda: check_real_time(seconds=seconds), json)
 
 
-@benchmark("car-motion", takes="5 minutes")
+@benchmark("car-motion", takes="8 minutes")
 def car_motion(
     minutes: Annotated[float, typer.Option(help="Simulated, for each frame rate.")] = 10.0,
     vehicles: int = 30,

@@ -9,6 +9,8 @@ from pydantic import BeforeValidator, Discriminator, Strict, field_validator
 from carstage.config.fields import Names, Section, problem, setting, shortened, unknown
 from carstage.config.own_classes import Parameters, checked_class_name, parameters
 from carstage.config.timing import Timing
+from carstage.spec import ComfortSpec
+from carstage.spec.comfort import COMFORT_RANGES
 from carstage.spec.drivers import is_class_name
 
 DRIVER_KINDS = ("autopilot", "route", "class", "keyboard", "gamepad", "wheel", "replay")
@@ -20,10 +22,36 @@ def _kind(description: str, default: Any = ...) -> Any:
     return setting(default, title="Driver", description=description, group="ego")
 
 
+def _limit(name: str, title: str, description: str, unit: str) -> Any:
+    least, most = COMFORT_RANGES[name]
+    return setting(
+        getattr(ComfortSpec, name), title=title, description=description, unit=unit, group="ego",
+        ge=least, le=most,
+    )  # fmt: skip
+
+
 class AutopilotDriver(Section):
     """The Traffic Manager drives, as the scenario says."""
 
     kind: Literal["autopilot"] = _kind("The Traffic Manager drives.", "autopilot")
+    comfort: bool = setting(
+        True,
+        title="Comfort",
+        description="Whether it drives gently, within the limits below, unless surprised; needs "
+        "`timing.mode: sync`. Off: as CARLA has it.",
+        group="ego",
+    )
+    acceleration_m_s2: float = _limit(
+        "acceleration_m_s2", "Acceleration",
+        "Comfortable when getting faster, and slower for what is ahead.", "m/s²",
+    )  # fmt: skip
+    lateral_m_s2: float = _limit(
+        "lateral_m_s2", "Acceleration across", "Comfortable in curves.", "m/s²"
+    )
+    jerk_m_s3: float = _limit(
+        "jerk_m_s3", "Jerk", "How fast the wished acceleration changes.", "m/s³"
+    )
+    gap_s: float = _limit("gap_s", "Time gap", "To who drives ahead.", "s")
 
 
 class RouteDriver(Section):

@@ -7,12 +7,12 @@ from collections.abc import Callable, Sequence
 from carstage.config import Config
 from carstage.config.agents import DroneAgent, JunctionAgent, RoadsideAgent, VehicleAgent
 from carstage.plan.draws import Draws
-from carstage.plan.drivers import plan_driver
+from carstage.plan.drivers import plan_comfort, plan_driver
 from carstage.plan.drones import plan_drone
 from carstage.plan.facts import ServerFacts
 from carstage.plan.rig import pose_spec
 from carstage.plan.starts import plan_start
-from carstage.spec import AgentSeeds, AgentSpec, EgoSpec, JunctionSpec, SensorSpec
+from carstage.spec import AgentSeeds, AgentSpec, ComfortSpec, EgoSpec, JunctionSpec, SensorSpec
 
 SensorsOf = Callable[[Config, int], tuple[SensorSpec, ...]]
 """The sensors of an agent by its position in the list."""
@@ -55,6 +55,7 @@ def plan_agents(
                 blueprint=agent.blueprint,
                 color=None if agent.color == "random" else agent.color,
                 driver=plan_driver(config, agent.driver),
+                comfort=plan_comfort(agent.driver),
                 **start,
             )
         seeds = (draws.word(index, stream + i) & _LARGEST_SEED for i in range(2))
@@ -92,9 +93,13 @@ def are_as_asked(agents: Sequence[AgentSpec], config: Config, sensors_of: Sensor
     if len(agents) != len(config.agents):
         return False
     for position, (agent, asked) in enumerate(zip(agents, config.agents, strict=True)):
-        driver = plan_driver(config, asked.driver) if isinstance(asked, VehicleAgent) else None
+        driver, comfort = None, ComfortSpec()
+        if isinstance(asked, VehicleAgent):
+            driver = plan_driver(config, asked.driver)
+            comfort = plan_comfort(asked.driver)
         drone = plan_drone(asked) if isinstance(asked, DroneAgent) else None
-        recorded = (agent.name, agent.kind, agent.ego.driver, agent.sensors, agent.drone)
-        if recorded != (asked.name, asked.kind, driver, sensors_of(config, position), drone):
+        ego, sensors = agent.ego, sensors_of(config, position)
+        recorded = (agent.name, agent.kind, ego.driver, ego.comfort, agent.sensors, agent.drone)
+        if recorded != (asked.name, asked.kind, driver, comfort, sensors, drone):
             return False
     return True

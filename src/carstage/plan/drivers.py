@@ -17,6 +17,7 @@ from carstage.config.drivers import (
 from carstage.errors import ConfigError
 from carstage.spec import (
     ClassDriverSpec,
+    ComfortSpec,
     Command,
     DeviceDriverSpec,
     DriverSpec,
@@ -25,6 +26,7 @@ from carstage.spec import (
     RouteDriverSpec,
     WeatherSpec,
 )
+from carstage.spec.comfort import COMFORT_RANGES
 
 _OWN = (
     "dialect", "steps", "save_every", "sensors", "labels", "ground_truth", "max_distance_m",
@@ -71,6 +73,13 @@ def plan_driver(config: Config, driver: Driver) -> DriverSpec | None:
         f"ego.driver.episode: {driver.episode} was not read.",
         "Give the folder of a recorded episode.",
     )
+
+
+def plan_comfort(driver: Driver) -> ComfortSpec:
+    """How gently the ego or an agent drives where the Traffic Manager drives it."""
+    if not isinstance(driver, AutopilotDriver):
+        return ComfortSpec()
+    return ComfortSpec(driver.comfort, *(getattr(driver, name) for name in COMFORT_RANGES))
 
 
 def check_drive(config: Config, drive: Drive) -> None:

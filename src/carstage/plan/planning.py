@@ -22,7 +22,13 @@ from carstage.errors import ConfigError
 from carstage.plan.agents import are_as_asked, plan_agents
 from carstage.plan.canonical import CanonicalTexts
 from carstage.plan.draws import Draws
-from carstage.plan.drivers import Drive, check_drive, driven_again, plan_driver
+from carstage.plan.drivers import (
+    Drive,
+    check_drive,
+    driven_again,
+    plan_comfort,
+    plan_driver,
+)
 from carstage.plan.episodes import EpisodePlan
 from carstage.plan.estimate import COST, EpisodeCosts
 from carstage.plan.facts import ServerFacts
@@ -231,6 +237,7 @@ class _Planner:
                 color=None if config.ego.color == "random" else config.ego.color,
                 **plan_start(config.ego.spawn, facts, name, spawn_draw, "ego", "spawn"),
                 driver=plan_driver(config, config.ego.driver),
+                comfort=plan_comfort(config.ego.driver),
             ),
             scenario=scenario,
             seeds=self.seeds(index),
@@ -360,6 +367,8 @@ class PlanMatcher:
         config = planner.config(spec.index)
         driver = config.ego.driver
         if isinstance(driver, ReplayDriver) or plan_driver(config, driver) != spec.ego.driver:
+            return None
+        if plan_comfort(driver) != spec.ego.comfort:
             return None
         if not are_as_asked(spec.agents, config, planner.agent_sensors):
             return None

@@ -15,6 +15,7 @@ from carstage.spec.agents import (
     is_agent_name,
     stream_of,
 )
+from carstage.spec.comfort import ComfortSpec
 from carstage.spec.drivers import (
     ClassDriverSpec,
     Command,
@@ -84,6 +85,7 @@ __all__ = [
     "AutopilotSpec",
     "BirdsEyeSpec",
     "ClassDriverSpec",
+    "ComfortSpec",
     "Command",
     "Control",
     "DeviceDriverSpec",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import List, Mapping, Optional, Tuple
 
+from carstage.spec.comfort import ComfortSpec
 from carstage.spec.drivers import DriverSpec, read_driver
 from carstage.spec.fields import Fields, SpecError
 from carstage.spec.plain import LEFT_OUT
@@ -104,6 +105,7 @@ class EgoSpec:
         driver: who drives it; None: the Traffic Manager, or what the scenario says.
         near_ego: of an agent: it begins at the free spawn point that is nearest to the ego's.
         is_vehicle: false for what carries the sensors of an agent that is none.
+        comfort: how gently it drives where the Traffic Manager drives it.
     """
 
     blueprint: str
@@ -113,6 +115,7 @@ class EgoSpec:
     driver: Optional[DriverSpec] = field(default=None, metadata=LEFT_OUT)
     near_ego: bool = field(default=False, metadata=LEFT_OUT)
     is_vehicle: bool = field(default=True, metadata=LEFT_OUT)
+    comfort: ComfortSpec = field(default=ComfortSpec(), metadata=LEFT_OUT)
 
     @classmethod
     def read(cls, fields: Fields) -> EgoSpec:
@@ -138,4 +141,7 @@ class EgoSpec:
             driver=read_driver(fields.object("driver")) if "driver" in fields else None,
             near_ego=near_ego,
             is_vehicle=is_vehicle,
+            comfort=ComfortSpec.read(fields.object("comfort"))
+            if "comfort" in fields
+            else ComfortSpec(),
         )

@@ -11,7 +11,7 @@ from carstage.config import parse_config
 from carstage.config.drivers import ClassDriver, RouteDriver
 from carstage.errors import ConfigError
 from carstage.plan import ServerFacts, plan_episodes
-from carstage.spec import ClassDriverSpec, DeviceDriverSpec, EpisodeSpec
+from carstage.spec import ClassDriverSpec, ComfortSpec, DeviceDriverSpec, EpisodeSpec
 
 FACTS = ServerFacts(maps={"Stage01": 100})
 NO_CAMERA = "rig: {sensors: [{id: IMU, kind: imu}]}"
@@ -137,3 +137,25 @@ def test_a_specification_of_a_class_needs_a_name_of_that_form() -> None:
     with pytest.raises(ValueError, match=r"^spec\.ego\.driver\.name: 'mine' is not module:Class"):
         EpisodeSpec.from_json(document)
     assert ClassDriverSpec("a.b:C").name == "a.b:C"
+
+
+def test_comfort_is_part_of_the_id_as_soon_as_it_is_another() -> None:
+    usual = spec_of("autopilot")
+    assert usual.ego.comfort == ComfortSpec()
+    assert "comfort" not in json.loads(usual.canonical_json())["ego"]
+    harsh = spec_of("{kind: autopilot, comfort: false}")
+    slow = spec_of("{kind: autopilot, acceleration_m_s2: 1.0, gap_s: 3}")
+    assert harsh.ego.comfort == ComfortSpec(wanted=False)
+    assert slow.ego.comfort == ComfortSpec(acceleration_m_s2=1.0, gap_s=3.0)
+    assert len({usual.episode_id, harsh.episode_id, slow.episode_id}) == 3
+    for spec in (harsh, slow):
+        assert EpisodeSpec.from_json(json.loads(spec.canonical_json())) == spec
+
+
+def test_comfort_of_an_agent_is_its_own() -> None:
+    driver, rig = "{kind: autopilot, comfort: false}", "{sensors: [{id: I, kind: imu}]}"
+    agents = f"agents: [{{name: a, driver: {driver}, rig: {rig}}}]"
+    spec = spec_of("autopilot", agents)
+    assert not spec.agents[0].ego.comfort.wanted
+    assert spec.ego.comfort.wanted
+    assert EpisodeSpec.from_json(json.loads(spec.canonical_json())) == spec

@@ -6,7 +6,7 @@ No other module of the collector asks for a version or whether a name exists.
 from __future__ import annotations
 
 import logging
-from typing import Any, Dict, Iterable, List, Optional, Sequence
+from typing import Any, Dict, Iterable, List, Optional, Sequence, Tuple
 
 import carla
 
@@ -84,6 +84,18 @@ def set_day_night_cycle(light_manager: Any, active: bool) -> None:
     """Whether the server switches street lamps by the sun; 0.9.13 always does."""
     if hasattr(light_manager, "set_day_night_cycle"):
         light_manager.set_day_night_cycle(active)
+
+
+def coming_lanes(manager: Any, vehicle: Any) -> Tuple[Tuple[int, int], ...]:
+    """Road and lane of where a ``carla.TrafficManager`` is about to turn, as far as it knows.
+
+    None of a vehicle that it has not driven yet: the client raises then.
+    """
+    try:
+        actions = manager.get_all_actions(vehicle)
+    except (AttributeError, IndexError, RuntimeError):
+        return ()
+    return tuple((place.road_id, place.lane_id) for _, place in actions)
 
 
 def city_object_labels(name: str) -> List[Any]:

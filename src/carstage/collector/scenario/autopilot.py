@@ -6,6 +6,7 @@ from typing import Any, List, Optional, Union
 
 import carla
 
+from carstage.collector.comfort import ComfortableDriving, comfortable
 from carstage.collector.internals.errors import SceneError
 from carstage.collector.internals.plan import ProgramPlan, ServerPlan
 from carstage.collector.maps import spawn_points
@@ -15,6 +16,7 @@ from carstage.collector.scenario.traffic import (
     TrafficDriver,
     driven_by_others,
     driven_by_traffic,
+    planned_comfort,
 )
 from carstage.collector.world import WorldSession
 from carstage.spec import EpisodeSpec, Place, RouteSpec
@@ -63,6 +65,7 @@ class Autopilot(Scenario):
         super().__init__(client, session, spec, server, program)
         self._driver = TrafficDriver(client, session, spec, server.traffic_manager_port)
         self._lit: List[Any] = []
+        self._comfortable: List[ComfortableDriving] = []
 
     def prepare(self) -> None:
         """Start the Traffic Manager."""
@@ -74,10 +77,28 @@ class Autopilot(Scenario):
         ego = population.ego
         own = self._spec.ego.driver is not None
         self._lit = ([ego] if own else []) + driven_by_others(population)
-        self._driver.drive(driven_by_traffic(self._spec, population), ego)
+        self._drive(population)
+
+    def _drive(self, population: Population) -> None:
+        """Have the Traffic Manager take over, gently where that is planned."""
+        spec, driven = self._spec, driven_by_traffic(self._spec, population)
+        given = self._driver.drive(driven, population.ego)
+        comfort = planned_comfort(spec, population)
+        self._comfortable = comfortable(
+            self._driver.manager(),
+            self._session,
+            spec.step_s,
+            [
+                (vehicle, comfort[vehicle.id], values)
+                for vehicle, values in zip(driven, given)
+                if vehicle.id in comfort
+            ],
+        )
 
     def before_step(self, tick: Optional[int]) -> None:
-        """Keep the lights of vehicles that have drivers of their own fit for the weather."""
+        """Drive gently; keep lights of vehicles with drivers of their own fit for the weather."""
+        for driving in self._comfortable:
+            driving.before_step()
         if self._lit:
             self._lamps.light(self._lit, self._session.weather.values)
 
@@ -120,4 +141,4 @@ class Stationary(Autopilot):
         Scenario.start(self, population)
         population.ego.apply_control(carla.VehicleControl(brake=1.0, hand_brake=True))
         self._lit = [population.ego, *driven_by_others(population)]
-        self._driver.drive(driven_by_traffic(self._spec, population), population.ego)
+        self._drive(population)

@@ -10,7 +10,7 @@ import carla
 from carstage.collector.internals.lamps import DRIVING_LIGHTS
 from carstage.collector.scenario.base import Population
 from carstage.collector.world import WorldSession
-from carstage.spec import EpisodeSpec, StationarySpec, TrafficSpec
+from carstage.spec import ComfortSpec, EpisodeSpec, StationarySpec, TrafficSpec
 
 LAW_ABIDING: Mapping[str, float] = {
     "ignore_lights_percent": 0.0,
@@ -64,6 +64,20 @@ def driven_by_others(population: Population) -> List[Any]:
     ]
 
 
+def planned_comfort(spec: EpisodeSpec, population: Population) -> Dict[int, ComfortSpec]:
+    """How gently who of :func:`driven_by_traffic` is to drive, by actor id.
+
+    It is told ahead of each step, which needs a world that waits. An agent far from the ego has no
+    physics in hybrid mode, so that there is nothing to feel.
+    """
+    if not spec.timing.synchronous:
+        return {}
+    planned = [(population.ego, spec.ego.comfort)]
+    if spec.traffic.hybrid_physics_radius_m is None:
+        planned += [(agent.actor, agent.spec.ego.comfort) for agent in population.agents]
+    return {actor.id: comfort for actor, comfort in planned if comfort.wanted}
+
+
 class TrafficDriver:
     """Drives vehicles by a Traffic Manager in this process.
 
@@ -100,16 +114,18 @@ class TrafficDriver:
         """``carla.TrafficManager``."""
         return self._client.get_trafficmanager(self._port)
 
-    def drive(self, vehicles: List[Any], ego: Any) -> None:
-        """Take over vehicles, the ego among them or not."""
+    def drive(self, vehicles: List[Any], ego: Any) -> List[Dict[str, float]]:
+        """Take over vehicles, the ego among them or not; the values that each was given."""
         manager = self.manager()
         lights = self._spec.weather.lights
-        for vehicle, values in zip(vehicles, personalities(self._spec, vehicles, ego)):
+        given = personalities(self._spec, vehicles, ego)
+        for vehicle, values in zip(vehicles, given):
             vehicle.set_autopilot(True, self._port)
             self._apply(manager, vehicle, values)
             manager.update_vehicle_lights(vehicle, lights == "auto")
             if lights == "on":
                 vehicle.set_light_state(carla.VehicleLightState(DRIVING_LIGHTS))
+        return given
 
     def _apply(self, manager: Any, vehicle: Any, values: Mapping[str, float]) -> None:
         setters = {

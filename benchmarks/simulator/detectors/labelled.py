@@ -15,6 +15,7 @@ from benchmarks.simulator.detectors.matching import (
     LabelledObject,
     is_end_on,
 )
+from benchmarks.simulator.detectors.scenes import RAIN
 from carstage.dataset import Frame
 
 Row = Mapping[str, Any]
@@ -33,7 +34,8 @@ MAPPING: dict[str, tuple[str, frozenset[str]]] = {
 }
 """By Car-STAGE's class: the group, and COCO's classes that name it.
 
-A rider and the two-wheeler count as either. COCO calls vans cars, trucks or buses.
+A rider and the two-wheeler count as either. COCO calls vans cars, trucks or buses. A pickup is a
+truck: COCO's annotators call most of them so. Ours is the Cybertruck, which COCO never shows.
 """
 UNJUDGED = frozenset(
     {
@@ -59,6 +61,11 @@ class LabelledPicture:
     frame: Frame
     camera: str
     objects: tuple[LabelledObject, ...]
+
+    @property
+    def rain(self) -> bool:
+        """Whether it rains."""
+        return self.frame.episode.spec.weather.preset == RAIN
 
 
 def labelled_pictures(frames: Iterable[Frame]) -> Iterator[LabelledPicture]:

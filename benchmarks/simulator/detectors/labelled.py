@@ -15,7 +15,7 @@ from benchmarks.simulator.detectors.matching import (
     LabelledObject,
     is_end_on,
 )
-from benchmarks.simulator.detectors.scenes import RAIN
+from benchmarks.simulator.detectors.scenes import CAMERA, RAIN
 from carstage.dataset import Frame
 
 Row = Mapping[str, Any]
@@ -69,14 +69,14 @@ class LabelledPicture:
 
 
 def labelled_pictures(frames: Iterable[Frame]) -> Iterator[LabelledPicture]:
-    """The pictures of labelled cameras, the ego's and the agents'."""
+    """The pictures of the ego's camera and the agents'."""
     for frame in frames:
         views = {"ego": frame, **{name: frame.as_agent(name) for name in frame.episode.agents}}
         for name, view in views.items():
-            for camera, rows in sorted(view.camera_objects.items()):
-                if view.has(camera):
-                    objects = labelled_objects(view.objects, rows)
-                    yield LabelledPicture(f"{frame.episode.id}-{name}", view, camera, objects)
+            if view.has(CAMERA):
+                # Of a picture without anything labelled there is no row.
+                objects = labelled_objects(view.objects, view.camera_objects.get(CAMERA, ()))
+                yield LabelledPicture(f"{frame.episode.id}-{name}", view, CAMERA, objects)
 
 
 def labelled_objects(objects: Mapping[int, Row], rows: Sequence[Row]) -> tuple[LabelledObject, ...]:

@@ -8,6 +8,7 @@ from typing import Any
 
 from benchmarks.framework.recorded import record
 
+CAMERA = "CAM"
 RAIN = "MidRainyNoon"
 PICTURES = 120
 _TOWNS = ("Stage01", "Stage02", "Stage03")
@@ -90,7 +91,7 @@ def configuration(pictures: int = PICTURES, seed: int = 25) -> dict[str, Any]:
 def _rig(pose: Mapping[str, float], fov_deg: float = 90.0) -> dict[str, Any]:
     """One camera."""
     camera = {
-        "id": "CAM",
+        "id": CAMERA,
         "kind": "rgb",
         "pose": dict(pose),
         "attributes": {"image_size": [1280, 720], "fov": fov_deg},

@@ -6,6 +6,8 @@ import json
 import math
 import tarfile
 from pathlib import Path
+from types import SimpleNamespace
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -15,7 +17,12 @@ from benchmarks.simulator.detectors import load_detectors
 from benchmarks.simulator.detectors.centernet import CenterNetDetector
 from benchmarks.simulator.detectors.check import figures_of
 from benchmarks.simulator.detectors.darknet import DarknetDetector
-from benchmarks.simulator.detectors.labelled import MAPPING, UNJUDGED, labelled_objects
+from benchmarks.simulator.detectors.labelled import (
+    MAPPING,
+    UNJUDGED,
+    labelled_objects,
+    labelled_pictures,
+)
 from benchmarks.simulator.detectors.layers import convolve, convolve_each, largest, resize_bilinear
 from benchmarks.simulator.detectors.matching import (
     FoundBox,
@@ -25,7 +32,7 @@ from benchmarks.simulator.detectors.matching import (
     overlaps,
 )
 from benchmarks.simulator.detectors.packages import COCO_NAMES, YOLO
-from benchmarks.simulator.detectors.scenes import configuration
+from benchmarks.simulator.detectors.scenes import CAMERA, configuration
 from benchmarks.simulator.detectors.tiles import detect_on_tiles, tiles
 from carstage.config import load_config
 from carstage.errors import BadInputError
@@ -305,6 +312,28 @@ def test_cameras_look_ahead_to_the_left_back_and_from_the_side_of_the_street():
     assert across["gimbal"] == {"look_at": "ego"}
     assert across["path"]["height_m"] == corner["height_m"] < 2.0, "as somebody who stands there"
     assert len(config["ego"]["blueprint"]["choice"]) > 5
+
+
+def test_a_picture_without_labelled_objects_is_looked_at_too():
+    """No object may be off class there either; such a view has no row of labels."""
+
+    class View:
+        camera_objects: ClassVar[dict[str, list[object]]] = {}
+        objects: ClassVar[dict[int, object]] = {}
+        episode = SimpleNamespace(id="e", agents=("corner", "blind"))
+
+        def __init__(self, cameras: tuple[str, ...] = (CAMERA,)) -> None:
+            self.cameras = cameras
+
+        def has(self, camera: str) -> bool:
+            return camera in self.cameras
+
+        def as_agent(self, name: str) -> View:
+            return View(() if name == "blind" else (CAMERA,))
+
+    pictures = list(labelled_pictures([View()]))
+    assert [one.view for one in pictures] == ["e-ego", "e-corner"]
+    assert [one.objects for one in pictures] == [(), ()]
 
 
 def test_near_places_go_to_vehicles_of_every_kind_in_turn():

@@ -23,6 +23,8 @@ Outline = Sequence[tuple[float, float, float]]
 """Columns of a panel: share of the half width (beyond 1: round the corner), z from, z to."""
 
 
+_NOSE_RISE_M, _TAIL_RISE_M = 0.07, 0.15
+"""How much higher than the sills a bumper's lower edge is: tyres show below it."""
 _COWL = 0.022
 """Length of the dark strip at the windscreen's foot, relative."""
 _COLUMN, _SIDE_COLUMN, _ROW = 0.15, 0.08, 0.07
@@ -218,7 +220,7 @@ class CarBody:
         height = f.height
         top, belt = float(self._top(x)) * height, float(self._belt(x)) * height
         w = float(self._width(x)) * f.half_width
-        floor = s.clearance * height + 0.07 * np.clip((abs(x) - 0.82) / 0.18, 0.0, 1.0) ** 2
+        floor = self.floor(x)
         arch = floor
         for axle in f.axles:
             away = f.center_x + x * f.half_length - axle
@@ -335,6 +337,12 @@ class CarBody:
     def roof(self, x: float) -> float:
         """Height in metres of the middle line at relative ``x``."""
         return float(self._top(x)) * self.frame.height
+
+    def floor(self, x: float) -> float:
+        """Height in metres of the lower edge at relative ``x``: bumpers are higher than sills."""
+        rise = _TAIL_RISE_M if x < 0 else _NOSE_RISE_M
+        past = min(max((abs(x) - 0.78) / 0.22, 0.0), 1.0)
+        return self.shape.clearance * self.frame.height + rise * past * past
 
     def belt(self, x: float) -> float:
         """Height in metres of the line under the side windows at relative ``x``."""

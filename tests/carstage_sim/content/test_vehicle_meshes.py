@@ -252,3 +252,14 @@ def test_bodies_are_symmetric():
 def test_an_unknown_vehicle_becomes_a_car():
     mesh = vehicle_mesh("vehicle.unknown.one", (2.2, 0.95, 0.75), (0.0, 0.0, 0.75))
     assert set(mesh.tag.tolist()) == {CityObjectLabel.CAR}
+
+
+@pytest.mark.parametrize("name", ["tesla.model3", "seat.leon", "nissan.patrol", "audi.tt"])
+def test_tyres_show_below_the_rear_bumper(name):
+    mesh = mesh_of(catalogue()[f"vehicle.{name}"])
+    corners = mesh.vertices[mesh.triangles].astype(np.float64)
+    rear, half = float(mesh.bounds[0, 0]), float(mesh.bounds[1, 1])
+    eye = np.array([rear - 8.0, 0.78 * half, 0.19])
+    assert mesh.material[first_met(corners, eye, 1.0)] in (Material.RUBBER, Material.PLASTIC_DARK)
+    at_end = corners[(corners[..., 0] < rear + 0.05).all(axis=1)]
+    assert at_end[..., 2].min() > 0.25

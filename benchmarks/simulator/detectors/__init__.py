@@ -1,7 +1,8 @@
 """Do detectors that were trained on photographs find what is in the simulator's pictures?
 
-A dataset is recorded: places in three towns, seen by five cars in four weathers. Its labels say
-what stands where. Two detectors of different families look at the pictures.
+A dataset is recorded: places in three towns and four weathers, each seen by three cars and two
+people who stand there. Its labels say what stands where. Two detectors of different families look
+at the pictures.
 """
 
 from benchmarks.simulator.detectors.check import check_detectors

@@ -22,7 +22,7 @@ from benchmarks.simulator.detectors.matching import (
     match,
 )
 from benchmarks.simulator.detectors.packages import COCO_NAMES, LoadedDetector
-from benchmarks.simulator.detectors.scenes import PICTURES, RAIN
+from benchmarks.simulator.detectors.scenes import PICTURES
 from benchmarks.simulator.detectors.tiles import Detector, detect_on_tiles
 from carstage.bench.episodes import Progress
 from carstage.bench.verdict import Figure, Verdict
@@ -57,7 +57,7 @@ class Looked:
 
     def judged(self, selection: Selection) -> Iterator[bool]:
         """For each object that counts, whether it was found."""
-        rain = self.picture.frame.episode.variant == RAIN
+        rain = self.picture.rain
         for one, found in zip(self.picture.objects, self.matching.found, strict=True):
             if one.judged and selection(one, rain):
                 yield found
@@ -96,13 +96,13 @@ def check_detectors(
 
 
 def _distinct(pictures: Sequence[LabelledPicture]) -> Iterator[Figure]:
-    """How many objects each recall is of: most are seen in all weathers, some from several cars."""
+    """How many objects each recall is of: some are seen by several cameras."""
     for name, (_, selection) in RECALLS.items():
         seen = {
             (one.frame.episode.spec.map, one.frame.episode.spec.seeds.spawn, thing.track_id)
             for one in pictures
             for thing in one.objects
-            if thing.judged and selection(thing, one.frame.episode.variant == RAIN)
+            if thing.judged and selection(thing, one.rain)
         }
         yield Figure(f"distinct_{name}", len(seen))
 
@@ -151,9 +151,9 @@ def _notes(detectors: Sequence[LoadedDetector]) -> tuple[str, ...]:
         f"Objects at least {LEAST_HEIGHT_PX} px high of which {LEAST_VISIBLE:.0%} are visible; "
         f"boxes with a score of {LEAST_SCORE} or more, IoU {LEAST_IOU} or more.",
         "Front or rear: seen within 45 degrees of its axis. Classes: car as car; van as car, truck "
-        "or bus; truck and bus as either; two-wheeler with rider, each or both, as bicycle, "
-        "motorcycle or person. Off class: no labelled object of that class overlaps the box "
-        "(IoU 0.1). Things without labels are left out: " + ", ".join(sorted(UNJUDGED)) + ".",
+        "or bus; truck (pickups, too) and bus as either; two-wheeler with rider, each or both, as "
+        "bicycle, motorcycle or person. Off class: no labelled object of that class overlaps the "
+        "box (IoU 0.1). Things without labels are left out: " + ", ".join(sorted(UNJUDGED)) + ".",
     )
 
 

@@ -15,6 +15,7 @@ from benchmarks.simulator.detectors.matching import (
     LabelledObject,
     is_end_on,
 )
+from benchmarks.simulator.detectors.scenes import CAMERA, RAIN
 from carstage.dataset import Frame
 
 Row = Mapping[str, Any]
@@ -33,7 +34,8 @@ MAPPING: dict[str, tuple[str, frozenset[str]]] = {
 }
 """By Car-STAGE's class: the group, and COCO's classes that name it.
 
-A rider and the two-wheeler count as either. COCO calls vans cars, trucks or buses.
+A rider and the two-wheeler count as either. COCO calls vans cars, trucks or buses. A pickup is a
+truck: COCO's annotators call most of them so. Ours is the Cybertruck, which COCO never shows.
 """
 UNJUDGED = frozenset(
     {
@@ -60,16 +62,21 @@ class LabelledPicture:
     camera: str
     objects: tuple[LabelledObject, ...]
 
+    @property
+    def rain(self) -> bool:
+        """Whether it rains."""
+        return self.frame.episode.spec.weather.preset == RAIN
+
 
 def labelled_pictures(frames: Iterable[Frame]) -> Iterator[LabelledPicture]:
-    """The pictures of labelled cameras, the ego's and the agents'."""
+    """The pictures of the ego's camera and the agents'."""
     for frame in frames:
         views = {"ego": frame, **{name: frame.as_agent(name) for name in frame.episode.agents}}
         for name, view in views.items():
-            for camera, rows in sorted(view.camera_objects.items()):
-                if view.has(camera):
-                    objects = labelled_objects(view.objects, rows)
-                    yield LabelledPicture(f"{frame.episode.id}-{name}", view, camera, objects)
+            if view.has(CAMERA):
+                # Of a picture without anything labelled there is no row.
+                objects = labelled_objects(view.objects, view.camera_objects.get(CAMERA, ()))
+                yield LabelledPicture(f"{frame.episode.id}-{name}", view, CAMERA, objects)
 
 
 def labelled_objects(objects: Mapping[int, Row], rows: Sequence[Row]) -> tuple[LabelledObject, ...]:

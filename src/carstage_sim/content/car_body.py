@@ -23,15 +23,22 @@ Outline = Sequence[tuple[float, float, float]]
 """Columns of a panel: share of the half width (beyond 1: round the corner), z from, z to."""
 
 
+_NOSE_RISE_M, _TAIL_RISE_M = 0.07, 0.15
+"""How much higher than the sills a bumper's lower edge is: tyres show below it."""
 _COWL = 0.022
 """Length of the dark strip at the windscreen's foot, relative."""
 _COLUMN, _SIDE_COLUMN, _ROW = 0.15, 0.08, 0.07
 """Widest quads of a panel: on a face, round its corner (shares of the half width), and tallest."""
 
 
-_VAULT = ((0.90, 0.20), (0.72, 0.62), (0.62, 0.74), (0.34, 0.93), (0.0, 1.0))
 _FLAT = ((0.94, 0.86), (0.90, 0.99), (0.62, 1.0), (0.34, 1.0), (0.0, 1.0))
-"""Sections over a bonnet: share of the half width, share of the rise over the belt."""
+"""Section over a faceted bonnet: share of the half width, share of the rise over the belt."""
+
+
+def _vault(foot: float) -> _Points:
+    """Section over a bonnet, flat up to the shoulders at the windscreen's ``foot``."""
+    beside = (foot + 0.95) / 2
+    return ((0.95, 0.20), (beside, 0.52), (foot, 0.68), (0.55 * foot, 0.93), (0.0, 1.0))
 
 
 class Lamps(Enum):
@@ -88,6 +95,8 @@ class BodyShape:
         mirrors: whether outside mirrors reach out to the box's sides.
         rear_glass: z from, z to and half width as a share of a window in an upright rear face.
         tinted: whether the windows behind the front doors are of dark glass.
+        screen_foot: half width of the windscreen's foot, as a share of the body's there.
+        tall_mirrors: whether mirrors are upright plates on arms, as a lorry has them.
     """
 
     top: _Points
@@ -116,6 +125,8 @@ class BodyShape:
     mirrors: bool = True
     rear_glass: tuple[float, float, float] | None = None
     tinted: bool = False
+    screen_foot: float = 0.84
+    tall_mirrors: bool = False
 
     @property
     def rear_pane(self) -> Material:
@@ -209,7 +220,7 @@ class CarBody:
         height = f.height
         top, belt = float(self._top(x)) * height, float(self._belt(x)) * height
         w = float(self._width(x)) * f.half_width
-        floor = s.clearance * height + 0.07 * np.clip((abs(x) - 0.82) / 0.18, 0.0, 1.0) ** 2
+        floor = self.floor(x)
         arch = floor
         for axle in f.axles:
             away = f.center_x + x * f.half_length - axle
@@ -232,7 +243,7 @@ class CarBody:
             (w * 0.955, belt),
         ]
         # Over the bonnet the section is a flat vault, in the cabin windows and a roof.
-        vault = _FLAT if s.faceted else _VAULT
+        vault = _FLAT if s.faceted else _vault(s.screen_foot)
         cabin = [
             (w * 0.925, belt + 0.012),
             (roof + 0.10 * (w - roof), belt + 0.88 * rise),
@@ -275,7 +286,9 @@ class CarBody:
         self._add_face(builder, half[0], -1.0)
         self._add_doors(builder)
         self._add_lids(builder)
-        if self.shape.mirrors:
+        if self.shape.tall_mirrors:
+            self._add_tall_mirrors(builder)
+        elif self.shape.mirrors:
             self._add_mirrors(builder)
 
     def _materials(self, x: Array, half: Array) -> NDArray[np.uint8]:
@@ -324,6 +337,12 @@ class CarBody:
     def roof(self, x: float) -> float:
         """Height in metres of the middle line at relative ``x``."""
         return float(self._top(x)) * self.frame.height
+
+    def floor(self, x: float) -> float:
+        """Height in metres of the lower edge at relative ``x``: bumpers are higher than sills."""
+        rise = _TAIL_RISE_M if x < 0 else _NOSE_RISE_M
+        past = min(max((abs(x) - 0.78) / 0.22, 0.0), 1.0)
+        return self.shape.clearance * self.frame.height + rise * past * past
 
     def belt(self, x: float) -> float:
         """Height in metres of the line under the side windows at relative ``x``."""
@@ -524,7 +543,7 @@ class CarBody:
         if foot < 0.92:
             sides = [(x, shoulder) for x in np.linspace(foot, 0.955, 7)]
             lid = [(0.955, c) for c in np.linspace(shoulder, self._MIDDLE, 5)]
-            self.ribbon(builder, [*sides, *lid[1:]], dark)
+            self.ribbon(builder, [*sides, *lid[1:]], dark, raised=0.006)
         if s.boot:
             start = s.rear_window[0] - 0.01
             sides = [(x, shoulder) for x in np.linspace(start, -0.985, 5)]
@@ -557,3 +576,18 @@ class CarBody:
                 Material.PAINT,
                 squash=0.75,
             )
+
+    def _add_tall_mirrors(self, builder: ShapeBuilder) -> None:
+        """Upright mirrors on arms before the windscreen's upper corners, within the box."""
+        s, f = self.shape, self.frame
+        top = self.roof(s.windscreen[0]) - 0.05 * f.height
+        low = top - 0.24 * f.height
+        for sign in (-1.0, 1.0):
+            edge = self.skin(np.array([s.windscreen[0]]), np.array([float(self._ROOF)]))[0]
+            out = sign * (f.reach - 0.005)
+            across = sorted((out, out - sign * min(0.22, 0.12 * f.half_width)))
+            x = edge[0] + 0.10
+            case = ((x, across[0], low), (x + 0.09, across[1], top))
+            builder.box(*case, Material.PLASTIC_DARK)
+            arm = [(edge[0] - 0.05, sign * edge[1], top - 0.02), (x + 0.05, out * 0.97, top - 0.02)]
+            builder.limb(arm, [0.022, 0.022], Material.PLASTIC_DARK, sides=5)

@@ -155,9 +155,10 @@ def add_rear(builder: ShapeBuilder, body: CarBody, plate: str) -> None:
         body.panel(builder, _REAR, frame, dark, raised=0.004)
         pane = [(u * wide, sill, lintel) for u in _even(7)]
         body.panel(builder, _REAR, pane, s.rear_pane)
-    valance = [(u * 0.9, s.clearance + 0.01, s.clearance + 0.085) for u in _even(9)]
+    floor = body.floor(-1.0) / f.height
+    valance = [(u * 0.9, floor + 0.004, floor + 0.07) for u in _even(9)]
     body.panel(builder, _REAR, valance, dark, raised=0.010)
-    bumper = s.clearance + 0.17
+    bumper = max(s.clearance + 0.17, floor + 0.115)
     crease = [(u, bumper, bumper + 0.008) for u in (-1.2, -1.05, *_even(9), 1.05, 1.2)]
     body.panel(builder, _REAR, crease, dark, raised=0.004, rows=1)
     under_plate = max(z0 - 0.10, bumper + 0.07) if s.boot else max(z0 - 0.02, bumper + 0.08)
@@ -177,7 +178,7 @@ def add_rear(builder: ShapeBuilder, body: CarBody, plate: str) -> None:
         glint = [(sign * u, bumper - 0.045, bumper - 0.020) for u in (0.66, 0.86)]
         body.panel(builder, _REAR, glint, Material.SIGN_RED, raised=0.008, rows=1)
         if s.boot or s.cladding:
-            tip = (sign * 0.58, s.clearance + 0.03)
+            tip = (sign * 0.58, floor + 0.03)
             body.disc(builder, _REAR, tip, 0.042, Material.RIM, raised=0.016)
             body.disc(builder, _REAR, tip, 0.032, Material.PAINT_BLACK, raised=0.019)
     _add_high_brake_lamp(builder, body)

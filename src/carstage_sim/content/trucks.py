@@ -163,7 +163,8 @@ def _cab_shape(build: Build) -> BodyShape:
         clearance=0.14,
         tail_round=0.02,
         nose_round=0.12,
-        mirrors=build is not Build.DELIVERY,
+        tall_mirrors=True,
+        screen_foot=0.93,
         head_lamp=(0.58, 1.03, 0.20, 0.265),
         lamps=Lamps.SQUARE,
         grille=(0.30, 0.46, 0.70),
@@ -226,7 +227,7 @@ def add_truck(builder: ShapeBuilder, build: Build, frame: VehicleFrame) -> None:
         x = cab.frame.center_x + 0.2 * cab.frame.half_length
         add_light_bar(builder, x, 0.75 * wide, top, top + 0.17)
     _add_rear_lamps(builder, rear, wide, floor - 0.22, frame.plate)
-    add_wheels(builder, frame, cab.frame, 6)
+    add_wheels(builder, frame, cab.frame, 0)
 
 
 def _add_chassis(

@@ -57,7 +57,7 @@ class VehicleFrame:
 
 
 def add_wheels(builder: ShapeBuilder, frame: VehicleFrame, body: BodyFrame, spokes: int) -> None:
-    """Add four wheels below a body."""
+    """Add four wheels below a body; see :func:`carstage_sim.content.wheels.add_wheel`."""
     for axle in frame.axles:
         for sign in (-1.0, 1.0):
             y = sign * (body.half_width * 0.975 - body.tyre_width / 2)

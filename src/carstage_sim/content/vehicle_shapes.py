@@ -147,7 +147,7 @@ SHAPES: dict[Build, BodyShape] = {
         tail_round=0.05, nose_lean=0.05, tail_lean=0.01, head_lamp=(0.58, 1.12, 0.285, 0.375),
         tail_lamp=(0.84, 1.03, 0.26, 0.50), tails=Tails.UPRIGHT, grille=(0.27, 0.355, 0.52),
         intake=(0.13, 0.20, 0.72), cladding=0.16, boot=False,
-        rear_glass=(0.56, 0.82, 0.74),
+        rear_glass=(0.56, 0.82, 0.74), screen_foot=0.88,
     ),
     Build.CAMPER: BodyShape(
         top=(
@@ -160,7 +160,7 @@ SHAPES: dict[Build, BodyShape] = {
         nose_round=0.20, tail_round=0.14, nose_lean=0.03, tail_lean=0.03,
         head_lamp=(0.60, 0.84, 0.32, 0.415), lamps=Lamps.ROUND, grille=None,
         tail_lamp=(0.78, 1.02, 0.34, 0.48), tails=Tails.UPRIGHT, intake=(0.17, 0.195, 0.8),
-        boot=False,
+        boot=False, screen_foot=0.90,
     ),
     Build.PICKUP: BodyShape(
         top=_straight((-1.0, 0.70), (-0.99, 0.715), (-0.02, 0.99), (0.02, 1.0), (0.06, 0.985),
@@ -185,6 +185,7 @@ SHAPES: dict[Build, BodyShape] = {
         head_lamp=(0.62, 1.06, 0.20, 0.265), lamps=Lamps.SQUARE, grille=None,
         tail_lamp=(0.84, 0.98, 0.22, 0.40), tails=Tails.UPRIGHT, boot=False,
         intake=(0.13, 0.175, 0.75), mirrors=False, rear_glass=(0.50, 0.82, 0.76),
+        screen_foot=0.93, tall_mirrors=True,
     ),
 }
 # fmt: on

@@ -108,7 +108,7 @@ def _add_car(builder: ShapeBuilder, build: Build, frame: VehicleFrame) -> None:
         marks(builder, car)
     if build is Build.BUS:
         add_bus_marks(builder, car)
-    add_wheels(builder, frame, body, 5)
+    add_wheels(builder, frame, body, 0 if build in _HEAVY else 5)
 
 
 _MARKS = {

@@ -1,4 +1,4 @@
-"""Wheels: tyre, rim with a barrel that lies deep, spokes before the brake disc."""
+"""Wheels: tyre and rim, with spokes before the brake disc or a dish of steel as lorries have."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import numpy as np
 
 from carstage_sim.content.lofting import ShapeBuilder, uniform
 from carstage_sim.mesh import Material
+
+_STEEL_SEGMENTS = 20
 
 
 def add_wheel(
@@ -25,11 +27,14 @@ def add_wheel(
         radius: of the tyre, metres.
         width: of the tyre, metres.
         outward: sign of y on which the rim shows.
-        spokes: of the rim.
+        spokes: of the rim; 0 is a dish of steel with a hub.
     """
-    segments = spokes * 4
     half = width / 2 * outward
     rim = radius * 0.70
+    if not spokes:
+        _add_steel_wheel(builder, center, radius, half)
+        return
+    segments = spokes * 4
     profile = [
         (0.001, half * 0.26),
         (rim * 0.62, half * 0.26),
@@ -54,6 +59,36 @@ def add_wheel(
     builder.lathe(center, cap, rows, segments=spokes * 2)
     for k in range(spokes):
         _add_spoke(builder, center, 2 * np.pi * (k + 0.5) / spokes, rim, half)
+
+
+def _add_steel_wheel(
+    builder: ShapeBuilder, center: tuple[float, float, float], radius: float, half: float
+) -> None:
+    """A lorry's wheel; ``half`` is half its width, signed as its outer side."""
+    rim = radius * 0.66
+    profile = [
+        (0.001, half * 0.84),
+        (rim * 0.30, half * 0.80),
+        (rim * 0.34, half * 0.30),
+        (rim * 0.46, half * 0.26),
+        (rim * 0.80, half * 0.34),
+        (rim * 0.88, half * 0.10),
+        (rim * 0.95, half * 0.88),
+        (rim, half * 0.94),
+        (radius * 0.91, half),
+        (radius, half * 0.72),
+        (radius, -half * 0.72),
+        (radius * 0.86, -half),
+        (0.001, -half * 0.6),
+    ]
+    materials = uniform(Material.RUBBER, len(profile) - 1, _STEEL_SEGMENTS)
+    materials[0] = Material.METAL
+    materials[1:3] = Material.PLASTIC_DARK
+    materials[3] = Material.RIM
+    materials[4] = Material.PLASTIC_DARK
+    materials[5:7] = Material.RIM
+    materials[11] = Material.PLASTIC_DARK
+    builder.lathe(center, profile, materials, segments=_STEEL_SEGMENTS)
 
 
 def _add_spoke(

@@ -6,15 +6,23 @@ import json
 import math
 import tarfile
 from pathlib import Path
+from types import SimpleNamespace
+from typing import ClassVar
 
 import numpy as np
 import pytest
+import yaml
 
 from benchmarks.simulator.detectors import load_detectors
 from benchmarks.simulator.detectors.centernet import CenterNetDetector
 from benchmarks.simulator.detectors.check import figures_of
 from benchmarks.simulator.detectors.darknet import DarknetDetector
-from benchmarks.simulator.detectors.labelled import MAPPING, UNJUDGED, labelled_objects
+from benchmarks.simulator.detectors.labelled import (
+    MAPPING,
+    UNJUDGED,
+    labelled_objects,
+    labelled_pictures,
+)
 from benchmarks.simulator.detectors.layers import convolve, convolve_each, largest, resize_bilinear
 from benchmarks.simulator.detectors.matching import (
     FoundBox,
@@ -24,8 +32,9 @@ from benchmarks.simulator.detectors.matching import (
     overlaps,
 )
 from benchmarks.simulator.detectors.packages import COCO_NAMES, YOLO
-from benchmarks.simulator.detectors.scenes import configuration
+from benchmarks.simulator.detectors.scenes import CAMERA, configuration
 from benchmarks.simulator.detectors.tiles import detect_on_tiles, tiles
+from carstage.config import load_config
 from carstage.errors import BadInputError
 
 
@@ -278,13 +287,61 @@ def test_a_file_that_is_not_the_packages_archive_is_refused_with_what_brings_it(
 
 
 @pytest.mark.parametrize(("pictures", "places"), [(120, 2), (60, 1), (1, 1), (121, 3)])
-def test_five_cars_look_at_each_place_of_each_town_in_each_weather(pictures, places):
+def test_five_cameras_look_at_each_place_and_each_town_has_places_in_each_weather(
+    tmp_path, pictures, places
+):
     config = configuration(pictures)
-    assert len(config["map"]["choice"]) * len(config["variants"]) == 12
+    path = tmp_path / "config.yaml"
+    path.write_text(yaml.safe_dump(config))
+    sampled = load_config(path).campaign
+    assert set(sampled.strata) == {"map.choice", "weather.choice"}
+    assert len(config["map"]["choice"]) * len(config["weather"]["choice"]) == 12
+    assert "variants" not in config, "the same traffic in several weathers"
     assert 1 + len({agent["name"] for agent in config["agents"]}) == 5
     assert config["duration_s"] * config["fps"] == 1
-    assert config["campaign"]["repeats"] == places
-    assert {"rig": config["rig"]}.items() <= config["agents"][0].items()
+    assert sampled.repeats == places
+
+
+def test_cameras_look_ahead_to_the_left_back_and_from_the_side_of_the_street():
+    config = configuration()
+    poses = [one["rig"]["sensors"][0]["pose"].get("yaw_deg", 0.0)
+             for one in (config, *config["agents"][:2])]  # fmt: skip
+    assert poses == [0.0, -45.0, 180.0]
+    corner, across = config["agents"][2:]
+    assert (corner["kind"], across["kind"]) == ("junction", "drone")
+    assert across["gimbal"] == {"look_at": "ego"}
+    assert across["path"]["height_m"] == corner["height_m"] < 2.0, "as somebody who stands there"
+    assert len(config["ego"]["blueprint"]["choice"]) > 5
+
+
+def test_a_picture_without_labelled_objects_is_looked_at_too():
+    """No object may be off class there either; such a view has no row of labels."""
+
+    class View:
+        camera_objects: ClassVar[dict[str, list[object]]] = {}
+        objects: ClassVar[dict[int, object]] = {}
+        episode = SimpleNamespace(id="e", agents=("corner", "blind"))
+
+        def __init__(self, cameras: tuple[str, ...] = (CAMERA,)) -> None:
+            self.cameras = cameras
+
+        def has(self, camera: str) -> bool:
+            return camera in self.cameras
+
+        def as_agent(self, name: str) -> View:
+            return View(() if name == "blind" else (CAMERA,))
+
+    pictures = list(labelled_pictures([View()]))
+    assert [one.view for one in pictures] == ["e-ego", "e-corner"]
+    assert [one.objects for one in pictures] == [(), ()]
+
+
+def test_near_places_go_to_vehicles_of_every_kind_in_turn():
+    groups = configuration()["vehicles"]["groups"]
+    first = [group["base_type"] for group in groups for _ in range(group["count"])][:14]
+    assert {kind: first.count(kind) for kind in set(first)} == {
+        "car": 8, "truck": 2, "bus": 1, "bicycle": 2, "motorcycle": 1,
+    }  # fmt: skip
 
 
 def test_the_networks_classes_are_those_of_coco():

@@ -108,6 +108,37 @@ def test_lamps_are_seen_from_their_end(blueprint):
         assert {mesh.material[k] for k in free} <= SHINES
 
 
+@pytest.mark.parametrize(
+    "name",
+    [
+        "tesla.model3", "seat.leon", "nissan.patrol", "jeep.wrangler_rubicon", "audi.tt",
+        "mercedes.sprinter", "ford.ambulance", "volkswagen.t2", "mitsubishi.fusorosa",
+        "carlamotors.european_hgv", "carlamotors.firetruck", "carlamotors.carlacola",
+    ],
+)  # fmt: skip
+def test_a_windscreen_is_as_wide_at_its_foot_as_at_its_top(name):
+    mesh = mesh_of(catalogue()[f"vehicle.{name}"])
+    normals = mesh.normals.mean(axis=1)
+    screen = (mesh.material == Material.GLASS) & (normals[:, 0] > 0.25)
+    points = mesh.vertices[mesh.triangles[screen]].reshape(-1, 3)
+    low, high = np.quantile(points[:, 2], [0.0, 1.0])
+    share = (points[:, 2] - low) / (high - low)
+    foot, top = (np.abs(points[at, 1]).max() for at in (share < 0.25, share > 0.75))
+    assert foot >= 0.97 * top
+    assert foot > 0.7 * mesh.bounds[1, 1]
+
+
+def test_lorries_and_buses_have_upright_mirrors_and_wheels_without_spokes():
+    for name in ("mitsubishi.fusorosa", "carlamotors.european_hgv", "carlamotors.firetruck"):
+        mesh = mesh_of(catalogue()[f"vehicle.{name}"])
+        corners = mesh.vertices[mesh.triangles].astype(np.float64)
+        outside = np.abs(corners[..., 1]).min(axis=1) > 0.985 * mesh.bounds[1, 1]
+        high = corners[..., 2].min(axis=1) > 0.5 * mesh.bounds[1, 2]
+        ahead = corners[..., 0].min(axis=1) > 0.7 * mesh.bounds[1, 0]
+        mirror = corners[outside & high & ahead & (mesh.material == Material.PLASTIC_DARK)]
+        assert np.ptp(mirror[..., 2]) > 3.0 * np.ptp(mirror[..., 0])
+
+
 @pytest.mark.parametrize("name", ["seat.leon", "mini.cooper_s", "nissan.patrol_2021", "audi.etron"])
 def test_the_tailgate_of_a_hatch_or_suv_has_a_dark_window_half_way_up(name):
     mesh = mesh_of(catalogue()[f"vehicle.{name}"])
@@ -221,3 +252,14 @@ def test_bodies_are_symmetric():
 def test_an_unknown_vehicle_becomes_a_car():
     mesh = vehicle_mesh("vehicle.unknown.one", (2.2, 0.95, 0.75), (0.0, 0.0, 0.75))
     assert set(mesh.tag.tolist()) == {CityObjectLabel.CAR}
+
+
+@pytest.mark.parametrize("name", ["tesla.model3", "seat.leon", "nissan.patrol", "audi.tt"])
+def test_tyres_show_below_the_rear_bumper(name):
+    mesh = mesh_of(catalogue()[f"vehicle.{name}"])
+    corners = mesh.vertices[mesh.triangles].astype(np.float64)
+    rear, half = float(mesh.bounds[0, 0]), float(mesh.bounds[1, 1])
+    eye = np.array([rear - 8.0, 0.78 * half, 0.19])
+    assert mesh.material[first_met(corners, eye, 1.0)] in (Material.RUBBER, Material.PLASTIC_DARK)
+    at_end = corners[(corners[..., 0] < rear + 0.05).all(axis=1)]
+    assert at_end[..., 2].min() > 0.25

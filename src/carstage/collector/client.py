@@ -81,3 +81,14 @@ def answers(client: Any, timeout_s: float) -> bool:
 def versions(client: Any) -> Tuple[str, str]:
     """What client and server say that they are."""
     return str(client.get_client_version()), str(client.get_server_version())
+
+
+def is_known_gone(world: Any, actor: Any) -> bool:
+    """Whether the last frame that a client has seen shows that an actor is gone.
+
+    ``is_alive`` does not tell: of an actor that is not in the frame, LibCarla reads a number that
+    nobody has set (``actor_state`` in ``ActorSnapshot.h``). A client that has seen no frame yet
+    knows nothing.
+    """
+    snapshot = world.get_snapshot()
+    return bool(snapshot.frame) and snapshot.find(actor.id) is None

@@ -19,7 +19,13 @@ from queue import Empty, SimpleQueue
 from typing import Any, Dict, List, Optional, Set, Tuple
 
 from carstage.collector.__main__ import EXIT_FAILED, EXIT_OK, collector_parser, private_stdout
-from carstage.collector.client import answers, client_version, connect, versions
+from carstage.collector.client import (
+    answers,
+    client_version,
+    connect,
+    is_known_gone,
+    versions,
+)
 from carstage.collector.internals.dialect import check_versions
 from carstage.collector.internals.errors import (
     CollectorError,
@@ -282,7 +288,8 @@ class Follower:
         else:
             found = [a for a in actors if a.attributes.get("role_name") == wanted]
         vehicles = [a for a in found if a.type_id.startswith("vehicle.")]
-        fresh = [a for a in vehicles if (world.id, a.id) not in self._done and a.is_alive]
+        fresh = [a for a in vehicles if (world.id, a.id) not in self._done]
+        fresh = [a for a in fresh if not is_known_gone(world, a)]
         return min(fresh, key=lambda actor: int(actor.id)) if fresh else None
 
     def _nobody(self, world: Any) -> SceneError:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from importlib.metadata import version
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 carla = pytest.importorskip("carla")
-from carstage.collector.client import client_version  # noqa: E402
+from carstage.collector.client import client_version, is_known_gone  # noqa: E402
 
 
 @pytest.mark.parametrize(
@@ -35,3 +36,15 @@ def test_a_client_within_an_archive_has_its_version_from_the_system(
     egg.write_bytes(b"")
     monkeypatch.setattr(carla, "__file__", str(egg / "carla" / "__init__.py"))
     assert client_version() == version("carla")
+
+
+@pytest.mark.parametrize(
+    ("frame", "shown", "gone"), [(0, (), False), (7, (28,), False), (7, (29,), True)]
+)
+def test_who_is_gone_is_told_by_frames_not_by_what_nobody_has_set(
+    frame: int, shown: tuple[int, ...], gone: bool
+) -> None:
+    snapshot = SimpleNamespace(frame=frame, find=lambda number: number if number in shown else None)
+    world = SimpleNamespace(get_snapshot=lambda: snapshot)
+    assert is_known_gone(world, SimpleNamespace(id=28, is_alive=not gone)) is gone
+    assert is_known_gone(world, SimpleNamespace(id=28, is_alive=gone)) is gone

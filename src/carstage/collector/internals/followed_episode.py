@@ -13,7 +13,7 @@ from typing import Any, Deque, Dict, Iterator, List, Mapping, NamedTuple, Option
 
 import carla
 
-from carstage.collector.client import answers
+from carstage.collector.client import answers, is_known_gone
 from carstage.collector.internals.background import give_way
 from carstage.collector.internals.dialect import weather_values
 from carstage.collector.internals.errors import RecordingError
@@ -384,7 +384,7 @@ class FollowedEpisode:
         try:
             self._client.get_server_version()  # the rest is known without asking the server
             world = self._client.get_world()
-            return bool(world.id == self._world.id and self._ego.is_alive)
+            return world.id == self._world.id and not is_known_gone(world, self._ego)
         except RuntimeError as error:
             return self._answers(error)
 

@@ -1,6 +1,6 @@
-"""Does a car in traffic move like one? Its accelerations and jerks, driven as a run drives its ego.
+"""Does a car in traffic move like one? Its accelerations and jerks, driven with comfort.
 
-That is by the Traffic Manager, which the collector has drive comfortably. The Traffic Manager alone
+That is by the Traffic Manager, whom the collector tells how fast to go. The Traffic Manager alone
 is measured beside it. The acceleration is what the snapshot says, along and across the car; the
 jerk its change from frame to frame. Some cars of the traffic are pooled: each could be the ego.
 """
@@ -76,7 +76,7 @@ def motion_trial(
 def _comfortable(
     session: Session, cars: Sequence[carla.Vehicle], step_s: float
 ) -> list[ComfortableDriving]:
-    """The cars' driving, as the collector has it by default."""
+    """The cars' driving, as the collector has it with comfort."""
     world = session.world
     streets = Streets(
         session.traffic_manager,

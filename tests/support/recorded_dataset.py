@@ -20,7 +20,6 @@ duration_s: {FRAMES / 10}
 fps: 10
 map: {{choice: Stage01}}
 weather: {{random_from: [ClearNoon, CloudyNoon]}}
-ego: {{driver: {{kind: autopilot, comfort: false}}}}
 vehicles: {{count: 15}}
 pedestrians: {{count: 40}}
 image_size: [160, 90]

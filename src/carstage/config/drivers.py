@@ -35,7 +35,7 @@ class AutopilotDriver(Section):
 
     kind: Literal["autopilot"] = _kind("The Traffic Manager drives.", "autopilot")
     comfort: bool = setting(
-        True,
+        False,
         title="Comfort",
         description="Whether it drives gently, within the limits below, unless surprised; needs "
         "`timing.mode: sync`. Off: as CARLA has it.",

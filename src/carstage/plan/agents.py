@@ -12,7 +12,7 @@ from carstage.plan.drones import plan_drone
 from carstage.plan.facts import ServerFacts
 from carstage.plan.rig import pose_spec
 from carstage.plan.starts import plan_start
-from carstage.spec import AgentSeeds, AgentSpec, ComfortSpec, EgoSpec, JunctionSpec, SensorSpec
+from carstage.spec import AgentSeeds, AgentSpec, EgoSpec, JunctionSpec, SensorSpec
 
 SensorsOf = Callable[[Config, int], tuple[SensorSpec, ...]]
 """The sensors of an agent by its position in the list."""
@@ -93,7 +93,7 @@ def are_as_asked(agents: Sequence[AgentSpec], config: Config, sensors_of: Sensor
     if len(agents) != len(config.agents):
         return False
     for position, (agent, asked) in enumerate(zip(agents, config.agents, strict=True)):
-        driver, comfort = None, ComfortSpec()
+        driver = comfort = None
         if isinstance(asked, VehicleAgent):
             driver = plan_driver(config, asked.driver)
             comfort = plan_comfort(asked.driver)

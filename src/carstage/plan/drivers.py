@@ -75,11 +75,11 @@ def plan_driver(config: Config, driver: Driver) -> DriverSpec | None:
     )
 
 
-def plan_comfort(driver: Driver) -> ComfortSpec:
-    """How gently the ego or an agent drives where the Traffic Manager drives it."""
-    if not isinstance(driver, AutopilotDriver):
-        return ComfortSpec()
-    return ComfortSpec(driver.comfort, *(getattr(driver, name) for name in COMFORT_RANGES))
+def plan_comfort(driver: Driver) -> ComfortSpec | None:
+    """How gently the Traffic Manager drives the ego or an agent; None: as it does by itself."""
+    if not isinstance(driver, AutopilotDriver) or not driver.comfort:
+        return None
+    return ComfortSpec(*(getattr(driver, name) for name in COMFORT_RANGES))
 
 
 def check_drive(config: Config, drive: Drive) -> None:

@@ -21,14 +21,12 @@ class ComfortSpec:
     """What the people in a vehicle are to feel at most, as long as nothing surprises it.
 
     Attributes:
-        wanted: whether it drives by these limits at all, or as the Traffic Manager does by itself.
         acceleration_m_s2: along the vehicle, when it gets faster or slower.
         lateral_m_s2: across it, in curves.
         jerk_m_s3: change of the acceleration along it.
         gap_s: time that it stays behind who drives ahead.
     """
 
-    wanted: bool = True
     acceleration_m_s2: float = 1.8
     lateral_m_s2: float = 1.8
     jerk_m_s3: float = 2.5
@@ -38,7 +36,6 @@ class ComfortSpec:
     def read(cls, section: Fields) -> ComfortSpec:
         """Check and read the section."""
         return cls(
-            section.flag("wanted"),
             *(
                 section.number(name, least=least, most=most)
                 for name, (least, most) in COMFORT_RANGES.items()

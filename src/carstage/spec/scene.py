@@ -105,7 +105,7 @@ class EgoSpec:
         driver: who drives it; None: the Traffic Manager, or what the scenario says.
         near_ego: of an agent: it begins at the free spawn point that is nearest to the ego's.
         is_vehicle: false for what carries the sensors of an agent that is none.
-        comfort: how gently it drives where the Traffic Manager drives it.
+        comfort: how gently the Traffic Manager drives it; None: as it does by itself.
     """
 
     blueprint: str
@@ -115,7 +115,7 @@ class EgoSpec:
     driver: Optional[DriverSpec] = field(default=None, metadata=LEFT_OUT)
     near_ego: bool = field(default=False, metadata=LEFT_OUT)
     is_vehicle: bool = field(default=True, metadata=LEFT_OUT)
-    comfort: ComfortSpec = field(default=ComfortSpec(), metadata=LEFT_OUT)
+    comfort: Optional[ComfortSpec] = field(default=None, metadata=LEFT_OUT)
 
     @classmethod
     def read(cls, fields: Fields) -> EgoSpec:
@@ -141,7 +141,5 @@ class EgoSpec:
             driver=read_driver(fields.object("driver")) if "driver" in fields else None,
             near_ego=near_ego,
             is_vehicle=is_vehicle,
-            comfort=ComfortSpec.read(fields.object("comfort"))
-            if "comfort" in fields
-            else ComfortSpec(),
+            comfort=ComfortSpec.read(fields.object("comfort")) if "comfort" in fields else None,
         )

@@ -17,8 +17,7 @@ pytestmark = [pytest.mark.end_to_end, pytest.mark.xdist_group("collector")]
 PlanMaker = Callable[..., dict[str, Any]]
 FPS = 10
 START_BEFORE_RED = 7
-AS_HARSH_AS_IT_COMES = {
-    "wanted": False,
+COMFORT = {
     "acceleration_m_s2": 1.8,
     "lateral_m_s2": 1.8,
     "jerk_m_s3": 2.5,
@@ -64,8 +63,11 @@ class Ride:
 
 @pytest.fixture
 def ride(collector: Collector, make_plan: PlanMaker, tmp_path: Path) -> Callable[..., Ride]:
-    def drive(name: str, **spec: Any) -> Ride:
+    def drive(name: str, *, gently: bool = True, **spec: Any) -> Ride:
         plan = make_plan(tmp_path / name, sensors=[GNSS], fps=float(FPS), **spec)
+        if gently:
+            planned = plan["episodes"][0]["spec"]
+            planned["ego"] = {**planned["ego"], "comfort": COMFORT}
         plan["episodes"][0]["spec"]["vehicles"]["count"] = 20
         code, events = collector.run(plan)
         assert code == 0, [event for event in events if event["event"] == "error"]
@@ -99,8 +101,7 @@ def test_the_same_plan_drives_the_same_and_comfort_can_be_left_out(
 ) -> None:
     gentle, again = ride("gentle", steps=300), ride("again", steps=300)
     assert np.array_equal(gentle.places, again.places)
-    ego = {"blueprint": "vehicle.tesla.model3", "spawn_index": 3, "comfort": AS_HARSH_AS_IT_COMES}
-    harsh = ride("harsh", steps=300, ego=ego)
+    harsh = ride("harsh", steps=300, gently=False)
     assert harsh.strong[0] > 1.3 * gentle.strong[0]
 
 

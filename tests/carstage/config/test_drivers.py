@@ -139,23 +139,23 @@ def test_a_specification_of_a_class_needs_a_name_of_that_form() -> None:
     assert ClassDriverSpec("a.b:C").name == "a.b:C"
 
 
-def test_comfort_is_part_of_the_id_as_soon_as_it_is_another() -> None:
+def test_comfort_is_part_of_the_id_where_it_is_asked_for() -> None:
     usual = spec_of("autopilot")
-    assert usual.ego.comfort == ComfortSpec()
+    assert usual.ego.comfort is None
     assert "comfort" not in json.loads(usual.canonical_json())["ego"]
-    harsh = spec_of("{kind: autopilot, comfort: false}")
-    slow = spec_of("{kind: autopilot, acceleration_m_s2: 1.0, gap_s: 3}")
-    assert harsh.ego.comfort == ComfortSpec(wanted=False)
+    gentle = spec_of("{kind: autopilot, comfort: true}")
+    slow = spec_of("{kind: autopilot, comfort: true, acceleration_m_s2: 1.0, gap_s: 3}")
+    assert gentle.ego.comfort == ComfortSpec()
     assert slow.ego.comfort == ComfortSpec(acceleration_m_s2=1.0, gap_s=3.0)
-    assert len({usual.episode_id, harsh.episode_id, slow.episode_id}) == 3
-    for spec in (harsh, slow):
+    assert len({usual.episode_id, gentle.episode_id, slow.episode_id}) == 3
+    for spec in (gentle, slow):
         assert EpisodeSpec.from_json(json.loads(spec.canonical_json())) == spec
 
 
 def test_comfort_of_an_agent_is_its_own() -> None:
-    driver, rig = "{kind: autopilot, comfort: false}", "{sensors: [{id: I, kind: imu}]}"
+    driver, rig = "{kind: autopilot, comfort: true}", "{sensors: [{id: I, kind: imu}]}"
     agents = f"agents: [{{name: a, driver: {driver}, rig: {rig}}}]"
     spec = spec_of("autopilot", agents)
-    assert not spec.agents[0].ego.comfort.wanted
-    assert spec.ego.comfort.wanted
+    assert spec.agents[0].ego.comfort == ComfortSpec()
+    assert spec.ego.comfort is None
     assert EpisodeSpec.from_json(json.loads(spec.canonical_json())) == spec

@@ -75,7 +75,7 @@ def planned_comfort(spec: EpisodeSpec, population: Population) -> Dict[int, Comf
     planned = [(population.ego, spec.ego.comfort)]
     if spec.traffic.hybrid_physics_radius_m is None:
         planned += [(agent.actor, agent.spec.ego.comfort) for agent in population.agents]
-    return {actor.id: comfort for actor, comfort in planned if comfort.wanted}
+    return {actor.id: comfort for actor, comfort in planned if comfort is not None}
 
 
 class TrafficDriver:

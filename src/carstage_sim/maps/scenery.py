@@ -49,7 +49,7 @@ _FURNITURE = (
     ("TrashCan", "trashcan", (0.25, 0.25, 0.5)),
 )
 """What stands at kerbs where no bench, bin or hydrant does: name, kind of prop, half sizes."""
-_SUNK_M = 0.05
+_SUNK_M = 0.025
 """How far furniture reaches into the ground, which may slope."""
 
 

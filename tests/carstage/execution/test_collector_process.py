@@ -145,9 +145,10 @@ def test_collector_runs_in_a_python_that_lacks_carstage(tmp_path: Path) -> None:
 
 def with_one_ahead(tmp_path: Path, script: str) -> tuple[CollectorAhead, CollectorProcess]:
     """A child that runs ``script`` and waits for its plan; one that would run ``exit 9`` itself."""
-    process(tmp_path, script)
-    waiting = CollectorAhead(tmp_path / "collector.log", str(tmp_path / "python"))
-    (tmp_path / "python").replace(tmp_path / "waiting")  # sh reads its script as it goes on
+    ahead = tmp_path / "ahead"  # a file of its own: sh may open its script late
+    ahead.mkdir()
+    process(ahead, script)
+    waiting = CollectorAhead(tmp_path / "collector.log", str(ahead / "python"))
     process(tmp_path, "exit 9")
     return waiting, CollectorProcess(
         {"plan_version": 1},

@@ -197,9 +197,11 @@ def test_a_collector_is_started_before_the_server_is_up(record: Record, tmp_path
     tell = f"open({str(told)!r}, 'a').write(sys.argv[3] + chr(10))"
     host, _ = record(([RECORDED], tell), ([RECORDED], tell), servers=Slow())
     assert host.incomplete == [0, 0]
-    first, second = told.read_text().splitlines()
+    first, *others = told.read_text().splitlines()
     assert first == "-"  # its plan comes later
-    assert Path(second).name.startswith("collector-plan-")
+    # The script may end before it is given its plan, and is replaced then.
+    assert len(others) in {1, 2}
+    assert all(Path(other).name.startswith("collector-plan-") for other in others)
 
 
 def test_server_is_replaced_after_as_many_episodes_as_the_user_says(record: Record) -> None:

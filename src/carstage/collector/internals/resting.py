@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import FrozenSet, NamedTuple, Optional
 
 from carstage.spec import EpisodeSpec
+from carstage.spec.timing import SavedSteps
 
 _WITHOUT_MEMORY = frozenset(
     "sensor.camera." + name
@@ -39,7 +40,7 @@ class Resting(NamedTuple):
     def measure_in(self, warmup_tick: int) -> bool:
         """Whether they measure in a tick of the warm-up."""
         since = warmup_tick - self.begin
-        return since >= 0 and since % self.every == 0
+        return since >= 0 and SavedSteps(self.every).index(since) is not None
 
 
 NONE_RESTS = Resting()
@@ -65,7 +66,8 @@ def resting_sensors(
     if not spec.timing.demands_all or ticks + spec.steps > MOST_STEPS:
         return NONE_RESTS
     wanted = ticks if listening_ticks is None else max(1, listening_ticks)
-    periods = min(-(-wanted // every), ticks // every)
+    saved = SavedSteps(every)
+    periods = min(saved.count(wanted), saved.count(ticks + 1) - 1)
     streams = frozenset(
         name for name, sensor in spec.streams.items() if sensor.blueprint in _WITHOUT_MEMORY
     )

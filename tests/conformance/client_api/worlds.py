@@ -138,7 +138,7 @@ def _weather(scene: TrialScene) -> None:
         preset = getattr(carla.WeatherParameters, name)
         scene.world.set_weather(preset)
         expect(scene.world.get_weather() == preset, f"{name} reads back differently")
-    view = look_at(scene.place().location, 20.0)
+    view = look_at(scene.place().location, 45.0, pitch_deg=50)  # all of it far: fog needs depth
     scene.world.set_weather(carla.WeatherParameters.ClearNoon)
     noon = scene.picture(view)
     scene.world.set_weather(carla.WeatherParameters.ClearNight)

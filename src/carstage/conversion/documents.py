@@ -31,9 +31,9 @@ _EPISODE_KEYS = (
     "spawned",
 )
 _ROAD_USERS = ("vehicle.", "walker.")
+_GOOD: Final[Mapping[str, Any]] = {"state": "ok", "reason": None}
 # A server's clock is a sum of steps that it keeps in float32: allow it a hundredth of a step, and
 # what rounding each step can add up to.
-_GOOD: Final[Mapping[str, Any]] = {"state": "ok", "reason": None}
 _CLOCK_TOLERANCE_STEPS = 0.01
 _CLOCK_DRIFT = 1e-6
 

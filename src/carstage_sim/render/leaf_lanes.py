@@ -15,7 +15,7 @@ from numba.extending import intrinsic
 
 from carstage_sim.kernels import Decorator
 from carstage_sim.render.leaves import ASIDE, BARE, GROWTH, LONG, SEED, WIDE
-from carstage_sim.render.noise_lanes import hash_lanes
+from carstage_sim.render.noise_lanes import hash_lanes, whole
 from carstage_sim.render.packet_simd import PACKET, magnitude
 from carstage_sim.render.vector_code import (
     F32,
@@ -39,13 +39,9 @@ _intrinsic: Decorator = intrinsic
 _function: Any = cgutils.get_or_insert_function
 
 
-def _whole(value: int) -> Any:
-    return ir.Constant(_WHOLES, [value & 0xFFFFFFFF] * LANES)
-
-
 def _splat_whole(builder: Any, scalar: Any) -> Any:
-    first = builder.insert_element(_whole(0), scalar, ir.Constant(I32, 0))
-    return builder.shuffle_vector(first, _whole(0), _whole(0))
+    first = builder.insert_element(whole(0), scalar, ir.Constant(I32, 0))
+    return builder.shuffle_vector(first, whole(0), whole(0))
 
 
 def _cell_of(builder: Any, weight: Any, cells: Any) -> tuple[Any, Any]:
@@ -65,12 +61,10 @@ def _gaps(builder: Any, u: Any, v: Any, rows: Any, columns: Any, number: Any) ->
     reach = add(mul(add(fx, one), columns), mul(add(fy, one), rows))
     cut = builder.fcmp_ordered(">", reach, add(mul(rows, columns), constant(0.01)))
     i, j = builder.fptosi(fx, _WHOLES), builder.fptosi(fy, _WHOLES)
-    cell = builder.add(i, builder.mul(j, _whole(16)))
-    mixed = builder.add(
-        builder.mul(cell, _whole(374761393)), builder.mul(number, _whole(668265263))
-    )
+    cell = builder.add(i, builder.mul(j, whole(16)))
+    mixed = builder.add(builder.mul(cell, whole(374761393)), builder.mul(number, whole(668265263)))
     chance, turn = (
-        hash_lanes(builder, builder.add(mixed, _whole((SEED + k) * 2246822519))) for k in range(2)
+        hash_lanes(builder, builder.add(mixed, whole((SEED + k) * 2246822519))) for k in range(2)
     )
     bare = builder.fcmp_ordered("<", chance, constant(float(BARE)))
     turn = sub(mul(turn, constant(2.0)), one)
@@ -124,8 +118,8 @@ def on_leaves(typing_context, bits, found, cells, number):  # type: ignore[no-un
         shift = builder.mul(row, eight)
         gaps = bits_of(builder, _gaps(builder, u, v, rows, columns, numbers))
         builder.store(builder.and_(builder.load(met), builder.not_(builder.shl(gaps, shift))), met)
-        whole = builder.shl(ir.Constant(I64, (1 << LANES) - 1), shift)
-        builder.store(builder.and_(value, builder.not_(whole)), left)
+        looked_at = builder.shl(ir.Constant(I64, (1 << LANES) - 1), shift)
+        builder.store(builder.and_(value, builder.not_(looked_at)), left)
         builder.branch(check)
         builder.position_at_end(end)
         return builder.load(met)

@@ -43,8 +43,9 @@ def _real(value: float) -> Any:
     return ir.Constant(_REALS, [ir.Constant(_F32, value)] * _LANES)
 
 
-def _whole(value: int) -> Any:
-    return ir.Constant(_WHOLES, [ir.Constant(_I32, value)] * _LANES)
+def whole(value: int) -> Any:
+    """A whole number in each lane, of which 32 bits are kept."""
+    return ir.Constant(_WHOLES, [ir.Constant(_I32, value & 0xFFFFFFFF)] * _LANES)
 
 
 def _splat(builder: Any, scalar: Any) -> Any:
@@ -55,9 +56,9 @@ def _splat(builder: Any, scalar: Any) -> Any:
 
 def hash_lanes(builder: Any, mixed: Any) -> Any:
     """A number in [0, 1) of each lane; see ``detail.hash_unit``."""
-    h = builder.mul(builder.xor(mixed, builder.lshr(mixed, _whole(13))), _whole(1274126177))
-    h = builder.mul(builder.xor(h, builder.lshr(h, _whole(16))), _whole(2654435761))
-    unit = builder.uitofp(builder.lshr(h, _whole(8)), _REALS)
+    h = builder.mul(builder.xor(mixed, builder.lshr(mixed, whole(13))), whole(1274126177))
+    h = builder.mul(builder.xor(h, builder.lshr(h, whole(16))), whole(2654435761))
+    unit = builder.uitofp(builder.lshr(h, whole(8)), _REALS)
     return builder.fmul(unit, _real(1.0 / 16777216.0))
 
 
@@ -82,14 +83,14 @@ def _codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         return builder.fptosi(below, _WHOLES), eased
 
     (i, u), (j, v) = place(x), place(y)
-    seeded = builder.mul(seeds, _whole(2246822519))
+    seeded = builder.mul(seeds, whole(2246822519))
     across = (
-        builder.mul(i, _whole(374761393)),
-        builder.mul(builder.add(i, _whole(1)), _whole(374761393)),
+        builder.mul(i, whole(374761393)),
+        builder.mul(builder.add(i, whole(1)), whole(374761393)),
     )
     down = (
-        builder.mul(j, _whole(668265263)),
-        builder.mul(builder.add(j, _whole(1)), _whole(668265263)),
+        builder.mul(j, whole(668265263)),
+        builder.mul(builder.add(j, whole(1)), whole(668265263)),
     )
     corners = [
         hash_lanes(builder, builder.add(builder.add(column, row), seeded))

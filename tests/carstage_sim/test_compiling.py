@@ -46,6 +46,13 @@ def children() -> list[psutil.Process]:
     ]
 
 
+def started_child() -> psutil.Process:
+    """The one that compiles; for a moment after its start it has no command line yet."""
+    await_that(lambda: bool(children()))
+    (child,) = children()
+    return child
+
+
 def test_nothing_is_started_where_the_code_is_there() -> None:
     with PicturesCompiled() as compiled:
         assert children() == []
@@ -56,7 +63,7 @@ def test_a_process_compiles_and_who_waits_is_told(
     missing: None, caplog: pytest.LogCaptureFixture
 ) -> None:
     with caplog.at_level(logging.INFO, COMPILING_LOG), PicturesCompiled() as compiled:
-        assert len(children()) == 1
+        assert started_child().is_running()
         compiled.wait()
         assert children() == []
     first, last = caplog.messages
@@ -66,13 +73,13 @@ def test_a_process_compiles_and_who_waits_is_told(
 
 def test_the_process_ends_with_the_block(missing: None) -> None:
     with PicturesCompiled():
-        (child,) = children()
+        child = started_child()
     assert not child.is_running()
 
 
 def test_the_process_ends_when_the_server_is_gone(missing: None) -> None:
     with PicturesCompiled() as compiled:
-        (child,) = children()
+        child = started_child()
         assert compiled._process is not None
         assert compiled._process.stdin is not None
         compiled._process.stdin.close()
@@ -84,7 +91,7 @@ def test_a_process_that_fails_leaves_the_work_to_the_server(
     missing: None, caplog: pytest.LogCaptureFixture
 ) -> None:
     with caplog.at_level(logging.INFO, COMPILING_LOG), PicturesCompiled() as compiled:
-        (child,) = children()
+        child = started_child()
         child.kill()
         compiled.wait()
     assert "ended with -9: the server compiles" in caplog.text

@@ -40,7 +40,8 @@ class Collector:
 
     def run(self, plan: dict[str, Any]) -> tuple[int, list[dict[str, Any]]]:
         process = self.start(plan)
-        output, _ = process.communicate(timeout=END_S)
+        output, errors = process.communicate(timeout=END_S)
+        print(output.decode(), errors.decode(), sep="\n")  # shown with a test that fails
         return process.returncode, [json.loads(line) for line in output.splitlines()]
 
     def await_event(self, process: subprocess.Popen[bytes], name: str) -> dict[str, Any]:

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+import uuid
 from collections.abc import Iterator
 from contextlib import ExitStack
 
@@ -22,6 +23,12 @@ PARENT = [
     "import subprocess, sys; p = subprocess.Popen([sys.executable, '-c', "
     "'import sys; sys.stdin.read()']); print(p.pid, flush=True); sys.stdin.read()",
 ]
+
+
+@pytest.fixture
+def run_id() -> str:
+    """Of no other test, which may look for orphans on this machine at the same moment."""
+    return str(uuid.uuid4())
 
 
 @pytest.fixture
@@ -47,33 +54,33 @@ def start(
 
 
 def test_orphans_of_a_run_are_ended_with_what_they_have_started(
-    started: list[subprocess.Popen[bytes]],
+    started: list[subprocess.Popen[bytes]], run_id: str
 ) -> None:
     begun_s = time.time()
-    parent, child = start(started, PARENT, "run-a")
-    other, _ = start(started, SLEEPER, "run-b")
+    parent, child = start(started, PARENT, run_id)
+    other, _ = start(started, SLEEPER, f"{run_id}-other")
     unmarked, _ = start(started, SLEEPER, None)
-    assert end_orphans("run-a", begun_s) == sorted([parent, int(child)])
+    assert end_orphans(run_id, begun_s) == sorted([parent, int(child)])
     assert not psutil.pid_exists(parent)
     assert psutil.Process(other).is_running()
     assert psutil.Process(unmarked).is_running()
-    assert end_orphans("run-a", begun_s) == []
+    assert end_orphans(run_id, begun_s) == []
 
 
 def test_process_that_is_held_still_is_ended_too(
-    started: list[subprocess.Popen[bytes]],
+    started: list[subprocess.Popen[bytes]], run_id: str
 ) -> None:
     begun_s = time.time()
-    pid, _ = start(started, SLEEPER, "run-a")
+    pid, _ = start(started, SLEEPER, run_id)
     os.kill(pid, signal.SIGSTOP)
-    assert end_orphans("run-a", begun_s) == [pid]
+    assert end_orphans(run_id, begun_s) == [pid]
 
 
 def test_process_older_than_the_run_is_not_the_runs(
-    started: list[subprocess.Popen[bytes]],
+    started: list[subprocess.Popen[bytes]], run_id: str
 ) -> None:
-    start(started, SLEEPER, "run-a")
-    assert orphans("run-a", time.time() + 60.0) == []
+    start(started, SLEEPER, run_id)
+    assert orphans(run_id, time.time() + 60.0) == []
 
 
 def test_mark_ends_with_its_stretch(monkeypatch: pytest.MonkeyPatch) -> None:

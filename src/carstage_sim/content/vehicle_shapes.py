@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import Enum
 from itertools import pairwise
 from typing import Any
@@ -222,6 +222,77 @@ def shape_of(type_id: str) -> BodyShape:
     """The body's outline of a blueprint that has one."""
     own = _OWN.get(type_id.removeprefix("vehicle."), {})
     return replace(SHAPES[build_of(type_id)], **own)
+
+
+@dataclass(frozen=True, slots=True)
+class MakersSize:
+    """Measures of the car that a blueprint is named after, in metres, as its maker gives them.
+
+    Attributes:
+        length: over its bumpers.
+        width: without mirrors.
+        tyre_radius: of a usual tyre.
+    """
+
+    length: float
+    width: float
+    tyre_radius: float
+
+
+# fmt: off
+_MAKERS_SIZES: dict[str, MakersSize] = {
+    "audi.a2": MakersSize(3.826, 1.673, 0.296),
+    "audi.etron": MakersSize(4.901, 1.935, 0.381),
+    "audi.tt": MakersSize(4.178, 1.842, 0.327),
+    "bmw.grandtourer": MakersSize(4.556, 1.800, 0.326),
+    "chevrolet.impala": MakersSize(5.415, 2.029, 0.339),
+    "citroen.c3": MakersSize(3.996, 1.749, 0.317),
+    "dodge.charger_2020": MakersSize(5.040, 1.905, 0.364),
+    "dodge.charger_police": MakersSize(5.040, 1.905, 0.364),
+    "dodge.charger_police_2020": MakersSize(5.040, 1.905, 0.364),
+    "ford.crown": MakersSize(5.385, 1.986, 0.345),
+    "ford.mustang": MakersSize(4.760, 1.826, 0.330),
+    "jeep.wrangler_rubicon": MakersSize(3.881, 1.872, 0.407),
+    "lincoln.mkz_2017": MakersSize(4.925, 1.864, 0.339),
+    "lincoln.mkz_2020": MakersSize(4.925, 1.864, 0.339),
+    "mercedes.coupe": MakersSize(5.027, 1.899, 0.351),
+    "mercedes.coupe_2020": MakersSize(4.686, 1.810, 0.328),
+    "mercedes.sprinter": MakersSize(5.910, 1.993, 0.356),
+    "mini.cooper_s": MakersSize(3.714, 1.683, 0.304),
+    "mini.cooper_s_2021": MakersSize(3.850, 1.727, 0.311),
+    "nissan.micra": MakersSize(3.719, 1.660, 0.296),
+    "nissan.patrol": MakersSize(4.440, 1.930, 0.389),
+    "nissan.patrol_2021": MakersSize(5.315, 1.995, 0.419),
+    "seat.leon": MakersSize(4.184, 1.742, 0.317),
+    "tesla.model3": MakersSize(4.694, 1.849, 0.334),
+    "toyota.prius": MakersSize(4.460, 1.745, 0.317),
+    "volkswagen.t2": MakersSize(4.505, 1.720, 0.325),
+    "volkswagen.t2_2021": MakersSize(4.505, 1.720, 0.325),
+}
+# fmt: on
+_MOST_SHARE = 0.97
+"""Widest body, as a share of its box: mirrors are seen beside it."""
+
+
+def makers_size(type_id: str, length_m: float, width_m: float) -> MakersSize | None:
+    """The measures of a car, scaled as its maker's length is to its bounding box's.
+
+    CARLA's boxes hold the mirrors of its older models and leave out those of its newer ones. A
+    body that is a fixed share of the box is too narrow for its height in one of the two.
+
+    Args:
+        type_id: id of a blueprint.
+        length_m, width_m: of its bounding box.
+
+    Returns:
+        None for what is not known. The width is at most 0.97 of the box's.
+    """
+    size = _MAKERS_SIZES.get(type_id.removeprefix("vehicle."))
+    if size is None:
+        return None
+    scale = length_m / size.length
+    width = min(size.width * scale, _MOST_SHARE * width_m)
+    return MakersSize(length_m, width, size.tyre_radius * scale)
 
 
 _BUILDS: dict[str, Build] = {

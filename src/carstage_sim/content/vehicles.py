@@ -15,7 +15,7 @@ from carstage_sim.content.marks import LIGHT_BAR_M, add_bus_marks, add_police, a
 from carstage_sim.content.trucks import add_ambulance, add_truck
 from carstage_sim.content.two_wheelers import add_two_wheeler
 from carstage_sim.content.vehicle_frame import Vector, VehicleFrame, add_wheels
-from carstage_sim.content.vehicle_shapes import Build, build_of, shape_of
+from carstage_sim.content.vehicle_shapes import Build, build_of, makers_size, shape_of
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import TriangleMesh, build_mesh
 
@@ -96,6 +96,10 @@ def _add_car(builder: ShapeBuilder, build: Build, frame: VehicleFrame) -> None:
     if build is Build.BUBBLE:
         frame = replace(frame, wheel_radius=min(frame.wheel_radius, 0.27))
     share = 0.885 if shape.mirrors else 0.98
+    length, width, _ = np.subtract(frame.high, frame.low).tolist()
+    if (size := makers_size(frame.type_id, length, width)) is not None:
+        share = size.width / width
+        frame = replace(frame, wheel_radius=size.tyre_radius)
     marks = _MARKS.get(frame.type_id.removeprefix("vehicle."))
     height = frame.high[2] - (LIGHT_BAR_M if marks is not None else 0.0)
     body = frame.body(share, frame.low[0], frame.high[0], height)

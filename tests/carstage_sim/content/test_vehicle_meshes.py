@@ -254,6 +254,21 @@ def test_an_unknown_vehicle_becomes_a_car():
     assert set(mesh.tag.tolist()) == {CityObjectLabel.CAR}
 
 
+@pytest.mark.parametrize(
+    ("name", "width_to_height"),
+    [("nissan.patrol_2021", 1.995 / 1.94), ("jeep.wrangler_rubicon", 1.872 / 1.8),
+     ("lincoln.mkz_2020", 1.864 / 1.478), ("lincoln.mkz_2017", 1.864 / 1.478),
+     ("bmw.grandtourer", 1.8 / 1.608), ("volkswagen.t2_2021", 1.72 / 1.96),
+     ("tesla.model3", 1.849 / 1.443), ("seat.leon", 1.742 / 1.439)],
+)  # fmt: skip
+def test_a_body_is_as_wide_for_its_height_as_its_maker_says(name, width_to_height):
+    mesh = mesh_of(catalogue()[f"vehicle.{name}"])
+    corners = mesh.vertices[mesh.triangles]
+    low = corners[corners[..., 2].max(axis=1) < 0.5 * mesh.bounds[1, 2]]
+    body = 2.0 * float(np.abs(low[..., 1]).max())
+    assert body / float(mesh.bounds[1, 2]) == pytest.approx(width_to_height, rel=0.06)
+
+
 @pytest.mark.parametrize("name", ["tesla.model3", "seat.leon", "nissan.patrol", "audi.tt"])
 def test_tyres_show_below_the_rear_bumper(name):
     mesh = mesh_of(catalogue()[f"vehicle.{name}"])

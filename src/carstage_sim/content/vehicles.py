@@ -9,7 +9,7 @@ import numpy as np
 
 from carstage_sim.content.cabins import Cabin, add_cabin
 from carstage_sim.content.car_body import CarBody
-from carstage_sim.content.car_faces import add_front, add_rear
+from carstage_sim.content.car_faces import SPARE_M, add_front, add_rear
 from carstage_sim.content.lofting import ShapeBuilder
 from carstage_sim.content.marks import LIGHT_BAR_M, add_bus_marks, add_police, add_taxi
 from carstage_sim.content.trucks import add_ambulance, add_truck
@@ -95,10 +95,12 @@ def _add_car(builder: ShapeBuilder, build: Build, frame: VehicleFrame) -> None:
     shape = shape_of(frame.type_id)
     if build is Build.BUBBLE:
         frame = replace(frame, wheel_radius=min(frame.wheel_radius, 0.27))
-    share = 0.885 if shape.mirrors else 0.98
+    frame = replace(frame, wheel_radius=max(frame.wheel_radius, shape.tyre_m))
+    share = shape.share if shape.mirrors else 0.98
     marks = _MARKS.get(frame.type_id.removeprefix("vehicle."))
     height = frame.high[2] - (LIGHT_BAR_M if marks is not None else 0.0)
-    body = frame.body(share, frame.low[0], frame.high[0], height)
+    rear = frame.low[0] + (SPARE_M if shape.spare else 0.0)
+    body = frame.body(share, rear, frame.high[0], height)
     car = CarBody(shape, body)
     car.add_to(builder)
     add_front(builder, car, frame.plate)

@@ -154,6 +154,40 @@ def test_the_tailgate_of_a_hatch_or_suv_has_a_dark_window_half_way_up(name):
     assert clear[sides, 0].min() > corners[mesh.material == Material.GLASS_DARK, :, 0].min() + 1.5
 
 
+def from_behind(name, y, share):
+    """What one meets first from behind, at a height that is a share of the box's."""
+    mesh = mesh_of(catalogue()[name])
+    corners = mesh.vertices[mesh.triangles].astype(np.float64)
+    eye = np.array([mesh.bounds[0, 0] - 5.0, y, share * mesh.bounds[1, 2]])
+    return mesh.material[first_met(corners, eye, 1.0)]
+
+
+@pytest.mark.parametrize("name", ["vehicle.nissan.patrol", "vehicle.jeep.wrangler_rubicon"])
+def test_a_spare_wheel_hangs_on_the_rear_door_and_hides_no_plate(name):
+    height = mesh_of(catalogue()[name]).bounds[1, 2]
+    assert from_behind(name, 0.05, 0.49) == Material.METAL
+    assert from_behind(name, 0.29, 0.49) == Material.RUBBER
+    plate = mesh_of(catalogue()[name])
+    at = plate.vertices[plate.triangles[plate.material == Material.LICENCE_PLATE]].mean(axis=1)
+    behind = at[at[:, 0] < 0.0]
+    for y in (-0.21, 0.01, 0.19):
+        seen = from_behind(name, y, behind[:, 2].mean() / height)
+        assert seen in (Material.LICENCE_PLATE, Material.SIGN_BLUE, Material.PAINT_BLACK)
+
+
+@pytest.mark.parametrize("name", ["nissan.patrol", "nissan.patrol_2021", "audi.etron"])
+def test_an_suv_is_wide_and_stands_on_bare_plastic(name):
+    mesh = mesh_of(catalogue()[f"vehicle.{name}"])
+    corners = mesh.vertices[mesh.triangles].astype(np.float64)
+    painted = corners[mesh.material == Material.PAINT].reshape(-1, 3)
+    body = np.abs(painted[painted[:, 2] < 0.45 * mesh.bounds[1, 2], 1]).max()
+    assert body > 0.92 * mesh.bounds[1, 1]
+    side = corners[:, :, [1, 0, 2]]
+    for height, material in ((0.19, Material.PLASTIC_DARK), (0.40, Material.PAINT)):
+        beside = np.array([-9.0, 0.23, height * mesh.bounds[1, 2]])
+        assert mesh.material[first_met(side, beside, 1.0)] == material
+
+
 @pytest.mark.parametrize(
     "name",
     ["tesla.model3", "seat.leon", "micro.microlino", "mitsubishi.fusorosa", "ford.ambulance"],

@@ -149,7 +149,7 @@ SHAPES: dict[Build, BodyShape] = {
         tail_round=0.05, nose_lean=0.05, tail_lean=0.01, head_lamp=(0.58, 1.12, 0.285, 0.375),
         tail_lamp=(0.84, 1.03, 0.26, 0.50), tails=Tails.UPRIGHT, grille=(0.27, 0.355, 0.52),
         intake=(0.13, 0.20, 0.72), cladding=0.16, boot=False,
-        rear_glass=(0.56, 0.82, 0.74), screen_foot=0.88,
+        rear_glass=(0.56, 0.82, 0.74), screen_foot=0.88, share=0.95,
     ),
     Build.CAMPER: BodyShape(
         top=(
@@ -223,6 +223,7 @@ _OWN: dict[str, dict[str, Any]] = {
     "nissan.patrol_2021": {"bars": Bars.VEE, "tyre_m": 0.40},
     "nissan.micra": {"grille": (0.36, 0.42, 0.36), "bars": Bars.ACROSS},
     "tesla.model3": {"grille": None, "intake": (0.15, 0.24, 0.66)},
+    "volkswagen.t2_2021": {"share": 0.95},
     "toyota.prius": {"grille": (0.40, 0.445, 0.36), "intake": (0.16, 0.31, 0.62)},
 }
 

@@ -188,6 +188,43 @@ def test_an_suv_is_wide_and_stands_on_bare_plastic(name):
         assert mesh.material[first_met(side, beside, 1.0)] == material
 
 
+def area_on_sides(mesh, material):
+    """Square metres of a material that are turned to the left or right."""
+    corners = mesh.vertices[mesh.triangles[mesh.material == material]].astype(np.float64)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2.0
+    return np.abs(normal[:, 1]).sum()
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["mercedes.sprinter", "mitsubishi.fusorosa", "ford.ambulance", "carlamotors.european_hgv",
+     "carlamotors.carlacola", "carlamotors.firetruck"],
+)  # fmt: skip
+def test_long_vehicles_have_amber_lamps_along_their_sides(name):
+    """UN ECE R48 asks for side markers: none more than 3 m from the next."""
+    mesh = mesh_of(catalogue()[f"vehicle.{name}"])
+    for material, side in ((Material.BLINKER_LEFT, -1.0), (Material.BLINKER_RIGHT, 1.0)):
+        at = mesh.vertices[mesh.triangles[mesh.material == material]].mean(axis=1)
+        x = np.sort(at[at[:, 1] * side > 0.7 * mesh.bounds[1, 1], 0])
+        assert np.diff(np.concatenate([mesh.bounds[:1, 0], x, mesh.bounds[1:, 0]])).max() < 3.1
+
+
+@pytest.mark.parametrize(
+    ("name", "material", "least_m2"),
+    [
+        ("mercedes.sprinter", Material.PLASTIC_DARK, 1.0),
+        ("volkswagen.t2", Material.RIM, 0.3),
+        ("mitsubishi.fusorosa", Material.DISPLAY, 0.1),
+        ("ford.ambulance", Material.METAL, 0.5),
+        ("carlamotors.european_hgv", Material.SIGN_YELLOW, 0.2),
+        ("carlamotors.firetruck", Material.METAL, 8.0),
+        ("carlamotors.carlacola", Material.SIGN_RED, 5.0),
+    ],
+)
+def test_sides_of_vans_lorries_and_buses_are_not_blank(name, material, least_m2):
+    assert area_on_sides(mesh_of(catalogue()[f"vehicle.{name}"]), material) > least_m2
+
+
 @pytest.mark.parametrize(
     "name",
     ["tesla.model3", "seat.leon", "micro.microlino", "mitsubishi.fusorosa", "ford.ambulance"],

@@ -306,6 +306,8 @@ class CarBody:
         self._add_face(builder, half[0], -1.0)
         self._add_doors(builder)
         self._add_lids(builder)
+        if not self.shape.faceted:
+            self._add_window_strips(builder)
         if self.shape.rails:
             self._add_rails(builder)
         if self.shape.tall_mirrors:
@@ -567,7 +569,7 @@ class CarBody:
         if foot < 0.92:
             sides = [(x, shoulder) for x in np.linspace(foot, 0.955, 7)]
             lid = [(0.955, c) for c in np.linspace(shoulder, self._MIDDLE, 5)]
-            self.ribbon(builder, [*sides, *lid[1:]], dark, raised=0.006)
+            self.ribbon(builder, [*sides, *lid[1:]], dark, wide=0.015, raised=0.008)
         if s.boot:
             start = s.rear_window[0] - 0.01
             sides = [(x, shoulder) for x in np.linspace(start, -0.985, 5)]
@@ -601,12 +603,19 @@ class CarBody:
                 squash=0.75,
             )
 
-    def _add_rails(self, builder: ShapeBuilder) -> None:
-        """A bright strip under the side windows, and rails along the roof's edges."""
+    def _add_window_strips(self, builder: ShapeBuilder) -> None:
+        """Strips below and above the side windows; an SUV's lower one is bright."""
         s = self.shape
         first, last = s.side_glass
-        belt = [(x, self._BELT + 0.5) for x in np.linspace(first, last, 7)]
-        self.ribbon(builder, belt, Material.RIM, wide=0.022, raised=0.004)
+        bright = Material.RIM if s.rails else Material.PLASTIC_DARK
+        for column, material in ((self._BELT + 0.5, bright), (self._RAIL, Material.PLASTIC_DARK)):
+            line = [(x, column) for x in np.linspace(first, last, 6)]
+            self.ribbon(builder, line, material, wide=0.022, raised=0.004)
+
+    def _add_rails(self, builder: ShapeBuilder) -> None:
+        """Rails along the roof's edges."""
+        s = self.shape
+        first = s.side_glass[0]
         x = np.linspace(first + 0.06, s.windscreen[0] - 0.06, 5)
         line = self.skin(x, np.full(len(x), self._ROOF - 0.35))
         line[1:-1, 2] += 0.024

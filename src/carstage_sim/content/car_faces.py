@@ -229,10 +229,11 @@ def add_rear(builder: ShapeBuilder, body: CarBody, plate: str) -> None:
         bright = [(u * 0.34, under_plate + 0.058, under_plate + 0.070) for u in _even(3)]
         body.panel(builder, _REAR, bright, Material.RIM, raised=0.012, rows=1)
         badge = under_plate + 0.068 + 0.045
-        body.disc(builder, _REAR, (0.0, badge), 0.042, Material.RIM, raised=0.012)
+        if s.tails is not Tails.STRIP:
+            body.disc(builder, _REAR, (0.0, badge), 0.042, Material.RIM, raised=0.012)
     for sign, blinker in _SIDES:
         _add_tail_lamp(builder, body, sign, blinker)
-        seam = y0 + 0.03 if s.boot else 0.93
+        seam = (y0 + 0.03 if y0 else 0.64) if s.boot else 0.93
         lid = [(sign * seam, bumper, z0 if s.boot else z1 + 0.02)]
         lid.append((sign * (seam + 0.012), *lid[0][1:]))
         body.panel(builder, _REAR, lid, dark, raised=0.004)
@@ -258,7 +259,7 @@ def _add_tailgate(builder: ShapeBuilder, body: CarBody, plate: float) -> None:
         _add_spare(builder, center, 0.88 * f.wheel_radius)
         return
     skid = [(u * 0.40, floor - 0.002, floor + 0.045) for u in _even(5)]
-    body.panel(builder, _REAR, skid, Material.PAINT_SILVER, raised=0.014, rows=1)
+    body.panel(builder, _REAR, skid, Material.PAINT_GREY, raised=0.014, rows=1)
     strip = [(u * (s.tail_lamp[0] - 0.01), plate + 0.075, plate + 0.10) for u in _even(5)]
     body.panel(builder, _REAR, strip, Material.RIM, raised=0.013, rows=1)
 

@@ -198,9 +198,8 @@ _OWN: dict[str, dict[str, Any]] = {
     "audi.a2": {"grille": (0.335, 0.43, 0.40), "bars": Bars.ACROSS},
     "audi.etron": {
         "grille": (0.30, 0.50, 0.40),
-        "bars": Bars.UPRIGHT,
+        "bars": Bars.MESH,
         "tails": Tails.SWEPT,
-        "intake": (0.185, 0.265, 0.70),
     },
     "bmw.grandtourer": {"grille": (0.33, 0.44, 0.30), "bars": Bars.UPRIGHT},
     "dodge.charger_2020": {

@@ -124,8 +124,8 @@ APPEARANCES: dict[Material, MaterialAppearance] = {
     Material.PLASTIC_DARK: MaterialAppearance((30, 30, 32), 0.6, 0.04),
     Material.HEAD_LAMP: MaterialAppearance((206, 212, 218), 0.1, 0.25, glow=Glow.HEAD_LAMP),
     Material.TAIL_LAMP: MaterialAppearance((132, 12, 14), 0.15, 0.04, glow=Glow.TAIL_LAMP),
-    Material.BLINKER_LEFT: MaterialAppearance((206, 116, 24), 0.2, 0.06, glow=Glow.BLINKER_LEFT),
-    Material.BLINKER_RIGHT: MaterialAppearance((206, 116, 24), 0.2, 0.06, glow=Glow.BLINKER_RIGHT),
+    Material.BLINKER_LEFT: MaterialAppearance((164, 80, 22), 0.2, 0.04, glow=Glow.BLINKER_LEFT),
+    Material.BLINKER_RIGHT: MaterialAppearance((164, 80, 22), 0.2, 0.04, glow=Glow.BLINKER_RIGHT),
     Material.REVERSE_LAMP: MaterialAppearance((210, 210, 210), 0.2, 0.06, glow=Glow.REVERSE_LAMP),
     Material.SKIN: MaterialAppearance((198, 150, 124), 0.8, 0.03, paint=Paint.SKIN),
     Material.CLOTH_UPPER: MaterialAppearance(

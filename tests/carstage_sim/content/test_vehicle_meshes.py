@@ -7,6 +7,7 @@ import pytest
 
 from carstage_sim.content.lettering import add_text, plate_number, text_width
 from carstage_sim.content.lofting import ShapeBuilder
+from carstage_sim.content.vehicle_shapes import shape_of
 from carstage_sim.content.vehicles import vehicle_mesh
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material
@@ -173,6 +174,13 @@ def test_a_spare_wheel_hangs_on_the_rear_door_and_hides_no_plate(name):
     for y in (-0.21, 0.01, 0.19):
         seen = from_behind(name, y, behind[:, 2].mean() / height)
         assert seen in (Material.LICENCE_PLATE, Material.SIGN_BLUE, Material.PAINT_BLACK)
+
+
+def test_a_line_of_tail_lamps_crosses_the_whole_rear():
+    low, high = shape_of("vehicle.dodge.charger_2020").tail_lamp[2:]
+    for y in (-0.5, -0.015, 0.015, 0.5):
+        seen = from_behind("vehicle.dodge.charger_2020", y, (low + high) / 2)
+        assert seen == Material.TAIL_LAMP
 
 
 @pytest.mark.parametrize("name", ["nissan.patrol", "nissan.patrol_2021", "audi.etron"])

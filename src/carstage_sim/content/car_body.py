@@ -25,6 +25,8 @@ Outline = Sequence[tuple[float, float, float]]
 
 _NOSE_RISE_M, _TAIL_RISE_M = 0.07, 0.15
 """How much higher than the sills a bumper's lower edge is: tyres show below it."""
+_FLARE_M = 0.07
+"""Width of the bare plastic round a wheel arch."""
 _COWL = 0.022
 """Length of the dark strip at the windscreen's foot, relative."""
 _COLUMN, _SIDE_COLUMN, _ROW = 0.15, 0.08, 0.07
@@ -64,6 +66,7 @@ class Bars(Enum):
     ACROSS = "bars from side to side"
     UPRIGHT = "slots side by side"
     MESH = "a dark mesh"
+    VEE = "a dark mesh between two bright arms that lean outwards"
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +100,8 @@ class BodyShape:
         tinted: whether the windows behind the front doors are of dark glass.
         screen_foot: half width of the windscreen's foot, as a share of the body's there.
         tall_mirrors: whether mirrors are upright plates on arms, as a lorry has them.
+        rails: whether the roof has rails.
+        spare: whether a spare wheel hangs on the rear door.
     """
 
     top: _Points
@@ -127,6 +132,13 @@ class BodyShape:
     tinted: bool = False
     screen_foot: float = 0.84
     tall_mirrors: bool = False
+    rails: bool = False
+    spare: bool = False
+
+    @property
+    def rugged(self) -> bool:
+        """Whether the body is an SUV's: bare plastic round bumpers, sills and arches."""
+        return self.rails or self.spare
 
     @property
     def rear_pane(self) -> Material:
@@ -232,12 +244,16 @@ class CarBody:
         house = np.clip((rise / height - 0.09) / 0.14, 0.0, 1.0)
         house = house * house * (3 - 2 * house)
         roof = w - s.tumblehome * f.half_width * min(rise / (0.36 * height), 1.15)
+        flank = arch + 0.45 * (belt - arch)
+        if s.cladding and not s.faceted:
+            # The edge of bare plastic runs along the sills and round the arches.
+            flank = min(max(s.cladding * height, arch + _FLARE_M), flank)
         side = [
             (min(inner, w * 0.9), floor),
             (min(inner, w * 0.9), arch),
             (w * 0.955, arch),
             (w * 0.985, arch + 0.02),
-            (w * 1.0, arch + 0.45 * (belt - arch)),
+            (w * 1.0, flank),
             (w * 0.995, arch + 0.62 * (belt - arch)),
             (w * 0.985, arch + 0.86 * (belt - arch)),
             (w * 0.955, belt),
@@ -286,6 +302,10 @@ class CarBody:
         self._add_face(builder, half[0], -1.0)
         self._add_doors(builder)
         self._add_lids(builder)
+        if not self.shape.faceted:
+            self._add_window_strips(builder)
+        if self.shape.rails:
+            self._add_rails(builder)
         if self.shape.tall_mirrors:
             self._add_tall_mirrors(builder)
         elif self.shape.mirrors:
@@ -303,7 +323,9 @@ class CarBody:
         quads[raised, self._LIP] = Material.PLASTIC_DARK
         for column in range(self._LIP, self._BELT):
             low = (half[:-1, column + 1, 1] + half[1:, column + 1, 1]) / 2
-            quads[low < s.cladding * f.height, column] = Material.PLASTIC_DARK
+            quads[low < s.cladding * f.height + 1e-6, column] = Material.PLASTIC_DARK
+        if s.cladding and not s.faceted:
+            quads[:, self._SILL] = Material.PLASTIC_DARK
         rise = (half[:-1, self._MIDDLE, 1] + half[1:, self._MIDDLE, 1]) / 2 - (
             half[:-1, self._BELT, 1] + half[1:, self._BELT, 1]
         ) / 2
@@ -543,7 +565,7 @@ class CarBody:
         if foot < 0.92:
             sides = [(x, shoulder) for x in np.linspace(foot, 0.955, 7)]
             lid = [(0.955, c) for c in np.linspace(shoulder, self._MIDDLE, 5)]
-            self.ribbon(builder, [*sides, *lid[1:]], dark, raised=0.006)
+            self.ribbon(builder, [*sides, *lid[1:]], dark, wide=0.015, raised=0.008)
         if s.boot:
             start = s.rear_window[0] - 0.01
             sides = [(x, shoulder) for x in np.linspace(start, -0.985, 5)]
@@ -576,6 +598,26 @@ class CarBody:
                 Material.PAINT,
                 squash=0.75,
             )
+
+    def _add_window_strips(self, builder: ShapeBuilder) -> None:
+        """Strips below and above the side windows; an SUV's lower one is bright."""
+        s = self.shape
+        first, last = s.side_glass
+        bright = Material.RIM if s.rails else Material.PLASTIC_DARK
+        for column, material in ((self._BELT + 0.5, bright), (self._RAIL, Material.PLASTIC_DARK)):
+            line = [(x, column) for x in np.linspace(first, last, 6)]
+            self.ribbon(builder, line, material, wide=0.022, raised=0.004)
+
+    def _add_rails(self, builder: ShapeBuilder) -> None:
+        """Rails along the roof's edges."""
+        s = self.shape
+        first = s.side_glass[0]
+        x = np.linspace(first + 0.06, s.windscreen[0] - 0.06, 5)
+        line = self.skin(x, np.full(len(x), self._ROOF - 0.35))
+        line[1:-1, 2] += 0.024
+        radii = [0.018, 0.02, 0.02, 0.02, 0.018]
+        for sign in (-1.0, 1.0):
+            builder.limb(line * np.array([1.0, sign, 1.0]), radii, Material.RIM, sides=4)
 
     def _add_tall_mirrors(self, builder: ShapeBuilder) -> None:
         """Upright mirrors on arms before the windscreen's upper corners, within the box."""

@@ -6,12 +6,14 @@ import numpy as np
 
 from carstage_sim.content.car_body import Bars, CarBody, Lamps, Outline, Tails
 from carstage_sim.content.lettering import add_text
-from carstage_sim.content.lofting import Array, ShapeBuilder
+from carstage_sim.content.lofting import Array, ShapeBuilder, uniform
 from carstage_sim.mesh import Material
 
 _SIDES = ((-1.0, Material.BLINKER_LEFT), (1.0, Material.BLINKER_RIGHT))
 _PLATE_HALF_M = (0.26, 0.056)
 _FRONT, _REAR = 1.0, -1.0
+SPARE_M = 0.17
+"""How far a spare wheel stands off a rear door."""
 
 
 def add_front(builder: ShapeBuilder, body: CarBody, plate: str) -> None:
@@ -25,8 +27,11 @@ def add_front(builder: ShapeBuilder, body: CarBody, plate: str) -> None:
         z = low + share * (high - low)
         slat = [(u * wide * 0.94, z, z + 0.008) for u in _even(5)]
         body.panel(builder, _FRONT, slat, Material.PAINT_GREY, raised=0.011, rows=1)
-    lip = [(u, s.clearance + 0.012, s.clearance + 0.05) for u in _even(9)]
-    body.panel(builder, _FRONT, lip, dark, raised=0.010, rows=1)
+    if s.rugged:
+        _add_off_road_bumper(builder, body)
+    else:
+        lip = [(u, s.clearance + 0.012, s.clearance + 0.05) for u in _even(9)]
+        body.panel(builder, _FRONT, lip, dark, raised=0.010, rows=1)
     if s.grille is not None:
         _add_grille(builder, body, s.grille)
     for sign, blinker in _SIDES:
@@ -40,6 +45,26 @@ def add_front(builder: ShapeBuilder, body: CarBody, plate: str) -> None:
     _add_plate(builder, body, _FRONT, middle, plate)
 
 
+def _add_off_road_bumper(builder: ShapeBuilder, body: CarBody) -> None:
+    """What SUVs have: a dark lower half round the corners, a bright skid plate, fog lamps in it."""
+    s = body.shape
+    low, high, wide = s.intake
+    floor = body.floor(1.0) / body.frame.height
+    lower = [(u, floor, low + 0.02) for u in (-1.25, *_even(9), 1.25)]
+    body.panel(builder, _FRONT, lower, Material.PLASTIC_DARK, raised=0.005)
+    skid = [(u * 0.42, floor + 0.008, low - 0.004 - 0.012 * abs(u)) for u in _even(5)]
+    body.panel(builder, _FRONT, skid, Material.PAINT_SILVER, raised=0.014, rows=1)
+    for sign in (-1.0, 1.0):
+        pocket = [
+            (sign * (wide + 0.05), low + 0.02, high),
+            (sign * 0.90, low - 0.01, high + 0.025),
+            (sign * 0.99, low - 0.01, high + 0.035),
+        ]
+        body.panel(builder, _FRONT, pocket, Material.PLASTIC_DARK, raised=0.007)
+        bright = [(u, b - 0.012, b) for u, _, b in pocket]
+        body.panel(builder, _FRONT, bright, Material.RIM, raised=0.012, rows=1)
+
+
 def _even(count: int) -> list[float]:
     return [float(u) for u in np.linspace(-1.0, 1.0, count)]
 
@@ -48,6 +73,9 @@ def _add_grille(builder: ShapeBuilder, body: CarBody, opening: tuple[float, floa
     low, high, wide = opening
     bars = body.shape.bars
     step = (high - low) / 7
+    if bars is Bars.VEE:
+        _add_vee(builder, body, opening)
+        return
     rim = [(u * wide * 1.06, low - 0.010, high + 0.010) for u in _even(5)]
     body.panel(builder, _FRONT, rim, Material.RIM, raised=0.005)
     hole = [(u * wide, low, high) for u in _even(5)]
@@ -65,9 +93,38 @@ def _add_grille(builder: ShapeBuilder, body: CarBody, opening: tuple[float, floa
         for k in range(1, 7):
             bar = [(u * wide, low + k * step, low + (k + 0.25) * step) for u in _even(5)]
             body.panel(builder, _FRONT, bar, Material.PAINT_GREY, raised=0.011, rows=1)
-    badge = (0.0, low + 0.58 * (high - low))
-    body.disc(builder, _FRONT, badge, 0.055, Material.RIM, raised=0.018)
-    body.disc(builder, _FRONT, badge, 0.040, Material.PAINT_BLACK, raised=0.021)
+    _add_badge(builder, body, low + 0.58 * (high - low))
+
+
+def _add_badge(builder: ShapeBuilder, body: CarBody, z: float) -> None:
+    body.disc(builder, _FRONT, (0.0, z), 0.055, Material.RIM, raised=0.018)
+    body.disc(builder, _FRONT, (0.0, z), 0.040, Material.PAINT_BLACK, raised=0.021)
+
+
+def _add_vee(builder: ShapeBuilder, body: CarBody, opening: tuple[float, float, float]) -> None:
+    """Slats from lamp to lamp, between two arms that run up and outwards from a bright foot."""
+    low, high, wide = opening
+    tall = high - low
+
+    def rise(u: float) -> float:
+        return low + tall * min(max((abs(u) / wide - 0.48) / 0.52, 0.0), 1.0)
+
+    hole = [(u * wide, max(rise(u * wide) - 0.01, low), high) for u in _even(9)]
+    body.panel(builder, _FRONT, hole, Material.PLASTIC_DARK, raised=0.008)
+    for k in range(1, 6):
+        z = low + tall * k / 6.0
+        half = wide * (0.48 + 0.52 * k / 6.0) - 0.05
+        slat = [(u * half, z, z + 0.10 * tall) for u in _even(5)]
+        body.panel(builder, _FRONT, slat, Material.PAINT_GREY, raised=0.011, rows=1)
+    for sign in (-1.0, 1.0):
+        arm = [
+            (sign * u * wide, rise(u * wide) - 0.012, min(rise(u * wide) + 0.024, high))
+            for u in np.linspace(0.44, 1.0, 8)
+        ]
+        body.panel(builder, _FRONT, arm, Material.RIM, raised=0.016, rows=1)
+    foot = [(u * 0.46 * wide, low - 0.012, low + 0.020) for u in _even(3)]
+    body.panel(builder, _FRONT, foot, Material.RIM, raised=0.015, rows=1)
+    _add_badge(builder, body, low + 0.62 * tall)
 
 
 def _lamp_outline(
@@ -156,22 +213,27 @@ def add_rear(builder: ShapeBuilder, body: CarBody, plate: str) -> None:
         pane = [(u * wide, sill, lintel) for u in _even(7)]
         body.panel(builder, _REAR, pane, s.rear_pane)
     floor = body.floor(-1.0) / f.height
-    valance = [(u * 0.9, floor + 0.004, floor + 0.07) for u in _even(9)]
-    body.panel(builder, _REAR, valance, dark, raised=0.010)
     bumper = max(s.clearance + 0.17, floor + 0.115)
-    crease = [(u, bumper, bumper + 0.008) for u in (-1.2, -1.05, *_even(9), 1.05, 1.2)]
-    body.panel(builder, _REAR, crease, dark, raised=0.004, rows=1)
+    if not s.rugged:
+        valance = [(u * 0.9, floor + 0.004, floor + 0.07) for u in _even(9)]
+        body.panel(builder, _REAR, valance, dark, raised=0.010)
+        crease = [(u, bumper, bumper + 0.008) for u in (-1.2, -1.05, *_even(9), 1.05, 1.2)]
+        body.panel(builder, _REAR, crease, dark, raised=0.004, rows=1)
     under_plate = max(z0 - 0.10, bumper + 0.07) if s.boot else max(z0 - 0.02, bumper + 0.08)
+    if s.spare:
+        under_plate = floor + 0.045
     recess = [(u * 0.40, under_plate - 0.055, under_plate + 0.062) for u in _even(3)]
     body.panel(builder, _REAR, recess, Material.PAINT_GREY, raised=0.003)
     _add_plate(builder, body, _REAR, under_plate * f.height, plate)
-    bright = [(u * 0.34, under_plate + 0.058, under_plate + 0.070) for u in _even(3)]
-    body.panel(builder, _REAR, bright, Material.RIM, raised=0.012, rows=1)
-    badge = under_plate + 0.068 + 0.045
-    body.disc(builder, _REAR, (0.0, badge), 0.042, Material.RIM, raised=0.012)
+    if not s.spare:
+        bright = [(u * 0.34, under_plate + 0.058, under_plate + 0.070) for u in _even(3)]
+        body.panel(builder, _REAR, bright, Material.RIM, raised=0.012, rows=1)
+        badge = under_plate + 0.068 + 0.045
+        if s.tails is not Tails.STRIP:
+            body.disc(builder, _REAR, (0.0, badge), 0.042, Material.RIM, raised=0.012)
     for sign, blinker in _SIDES:
         _add_tail_lamp(builder, body, sign, blinker)
-        seam = y0 + 0.03 if s.boot else 0.93
+        seam = (y0 + 0.03 if y0 else 0.64) if s.boot else 0.93
         lid = [(sign * seam, bumper, z0 if s.boot else z1 + 0.02)]
         lid.append((sign * (seam + 0.012), *lid[0][1:]))
         body.panel(builder, _REAR, lid, dark, raised=0.004)
@@ -182,6 +244,43 @@ def add_rear(builder: ShapeBuilder, body: CarBody, plate: str) -> None:
             body.disc(builder, _REAR, tip, 0.042, Material.RIM, raised=0.016)
             body.disc(builder, _REAR, tip, 0.032, Material.PAINT_BLACK, raised=0.019)
     _add_high_brake_lamp(builder, body)
+    if s.rugged:
+        _add_tailgate(builder, body, under_plate)
+
+
+def _add_tailgate(builder: ShapeBuilder, body: CarBody, plate: float) -> None:
+    """What is on a tall rear door and below it: a spare wheel, or a bright strip."""
+    s, f = body.shape, body.frame
+    floor = body.floor(-1.0) / f.height
+    bumper = [(u, floor, s.cladding + 0.03) for u in (-1.25, *_even(9), 1.25)]
+    body.panel(builder, _REAR, bumper, Material.PLASTIC_DARK, raised=0.003)
+    if s.spare:
+        center = (f.center_x - f.half_length - 0.085, 0.0, 0.49 * f.height)
+        _add_spare(builder, center, 0.88 * f.wheel_radius)
+        return
+    skid = [(u * 0.40, floor - 0.002, floor + 0.045) for u in _even(5)]
+    body.panel(builder, _REAR, skid, Material.PAINT_GREY, raised=0.014, rows=1)
+    strip = [(u * (s.tail_lamp[0] - 0.01), plate + 0.075, plate + 0.10) for u in _even(5)]
+    body.panel(builder, _REAR, strip, Material.RIM, raised=0.013, rows=1)
+
+
+def _add_spare(builder: ShapeBuilder, center: tuple[float, float, float], radius: float) -> None:
+    """A wheel on the rear door, its outer side to the rear."""
+    half = SPARE_M / 2.0 - 0.005
+    profile = [
+        (0.001, 0.55), (0.30, 0.55), (0.34, 0.25), (0.58, 0.25), (0.66, 0.90), (0.90, 1.0),
+        (1.0, 0.65), (1.0, -1.0),
+    ]  # fmt: skip
+    turn = np.linspace(0.0, 2 * np.pi, 12, endpoint=False)
+    points = np.array(
+        [
+            [(-share * half, away * radius * np.cos(a), away * radius * np.sin(a)) for a in turn]
+            for away, share in profile
+        ]
+    )
+    rows = uniform(Material.RUBBER, len(profile) - 1, len(turn))
+    rows[0], rows[1:3], rows[3] = Material.METAL, Material.RIM, Material.PLASTIC_DARK
+    builder.grid(points + np.array(center), rows, closed=True, crease_deg=35)
 
 
 def _add_high_brake_lamp(builder: ShapeBuilder, body: CarBody) -> None:

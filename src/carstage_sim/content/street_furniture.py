@@ -17,8 +17,9 @@ from carstage_sim.mesh import Material, TriangleMesh, build_mesh, merge_meshes
 _LIGHT, _POLE = CityObjectLabel.TRAFFIC_LIGHT, CityObjectLabel.POLES
 _SIGN, _STATIC = CityObjectLabel.TRAFFIC_SIGNS, CityObjectLabel.STATIC
 _LENSES = (Material.LIGHT_RED, Material.LIGHT_YELLOW, Material.LIGHT_GREEN)
-_LENS_RADIUS_M = 0.12
-_LENS_SPACING_M = 0.32
+_LENS_RADIUS_M = 0.145
+"""Of signals of the size 300 mm (EN 12368)."""
+_LENS_SPACING_M = 0.345
 _SECOND_HEAD_HEIGHT_M = 3.0
 _PLATE_HEIGHT_M = 2.35
 
@@ -95,17 +96,17 @@ def _head(middle: np.ndarray, yaw_deg: float) -> TriangleMesh:
     side = np.array([-forward[1], forward[0], 0.0])
     up = np.array([0.0, 0.0, 1.0])
     parts = [
-        box(middle + forward * 0.06, (0.05, 0.17, 0.52), dark, _LIGHT, yaw_deg=yaw_deg),
+        box(middle + forward * 0.06, (0.05, 0.175, 0.552), dark, _LIGHT, yaw_deg=yaw_deg),
         # The backplate makes the lenses stand out against the sky.
-        box(middle + forward * 0.03, (0.01, 0.27, 0.63), dark, _LIGHT, yaw_deg=yaw_deg),
+        box(middle + forward * 0.03, (0.01, 0.28, 0.65), dark, _LIGHT, yaw_deg=yaw_deg),
     ]
     for lens, shift in zip(_LENSES, (1, 0, -1), strict=True):
         center = middle + up * (shift * _LENS_SPACING_M) + forward * 0.115
         parts.append(disc(center, forward, _LENS_RADIUS_M, lens, _LIGHT, sides=14))
         angle = np.radians(np.linspace(-10.0, 190.0, 9))
         rim = np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * up
-        near = center + 0.135 * rim
-        far = near + forward * 0.17
+        near = center + 0.16 * rim
+        far = near + forward * 0.20
         hood = np.stack([near[:-1], near[1:], far[1:], far[:-1]], axis=1)
         parts.append(quad_mesh(hood, dark, _LIGHT))
         parts.append(_housing(middle + up * (shift * _LENS_SPACING_M), forward, side))
@@ -117,7 +118,7 @@ def _housing(middle: np.ndarray, forward: np.ndarray, side: np.ndarray) -> Trian
     turn = np.radians(np.linspace(0.0, 180.0, 9))
     arc = middle + 0.165 * np.cos(turn)[:, None] * side
     arc = arc + (0.02 - 0.15 * np.sin(turn))[:, None] * forward
-    up = np.array([0.0, 0.0, 0.145])
+    up = np.array([0.0, 0.0, 0.155])
     low, high = arc - up, arc + up
     back = np.stack([low[:-1], low[1:], high[1:], high[:-1]], axis=1)
     caps = [

@@ -18,6 +18,8 @@ from carstage_sim.mesh import Material
 
 _BLINKERS = ((-1.0, Material.BLINKER_LEFT), (1.0, Material.BLINKER_RIGHT))
 _Span = tuple[float, float]
+_LIGHT_TYRE_M = 0.40
+"""Radius of the tyres of a delivery lorry of 5 m, 7.50 R 16."""
 
 
 def add_ambulance(builder: ShapeBuilder, build: Build, frame: VehicleFrame) -> None:
@@ -42,13 +44,14 @@ def add_ambulance(builder: ShapeBuilder, build: Build, frame: VehicleFrame) -> N
         _band(builder, (rear, front), wide, (low * top, high * top), material)
     middle = (rear + front) / 2
     add_side_text(
-        builder, wide + 0.012, middle - 0.45, 0.70 * top, "AMBULANCE", 0.26, Material.SIGN_RED
+        builder, wide + 0.012, middle - 0.25, 0.70 * top, "AMBULANCE", 0.26, Material.SIGN_RED
     )
     for sign in (-1.0, 1.0):
         y = sorted((sign * wide, sign * (wide + 0.012)))
         pane = ((front - 1.0, y[0], 0.66 * top), (front - 0.3, y[1], 0.84 * top))
         builder.box(*pane, Material.GLASS_DARK)
-        _add_cross(builder, sign * (wide + 0.013), rear + 0.32, 0.70 * top)
+        _add_cross(builder, sign * (wide + 0.013), rear + 0.30, 0.70 * top)
+    _add_treatment_room(builder, wide, (rear, front), (floor, roof))
     for x in (front - 0.13, rear + 0.13):
         add_light_bar(builder, x, 0.92 * wide, roof, top)
     _add_rear_doors(builder, rear, wide, (floor + 0.02, roof - 0.04), glazed=True)
@@ -57,6 +60,26 @@ def add_ambulance(builder: ShapeBuilder, build: Build, frame: VehicleFrame) -> N
     _add_rear_lamps(builder, rear, wide, floor + 0.02, frame.plate)
     _add_step(builder, rear, wide, (0.13 * top, floor))
     add_wheels(builder, frame, body, 6)
+
+
+def _add_treatment_room(builder: ShapeBuilder, wide: float, x: _Span, z: _Span) -> None:
+    """What an ambulance's box has on its sides: doors, lamps at the top corners, dark edges."""
+    (rear, front), (floor, roof) = x, z
+    dark = Material.PLASTIC_DARK
+    door = (front - 1.15, front - 0.18)
+    for at in (*door, rear + 0.75):
+        _band(builder, (at - 0.007, at + 0.007), wide + 0.004, (floor + 0.04, roof - 0.12), dark)
+    _band(builder, (door[0] + 0.06, door[0] + 0.24), wide + 0.012, (floor + 0.50, floor + 0.55),
+          dark)  # fmt: skip
+    _band(builder, x, wide, (floor, floor + 0.05), Material.METAL)
+    _band(builder, x, wide, (roof - 0.03, roof), Material.METAL)
+    for at in (rear + 0.10, (rear + front) / 2, front - 0.35):
+        _band(builder, (at, at + 0.22), wide + 0.010, (roof - 0.12, roof - 0.05),
+              Material.LAMP_COVER)  # fmt: skip
+    for sign, blinker in _BLINKERS:
+        y = sorted((sign * wide, sign * (wide + 0.012)))
+        for at in (rear + 1.6, front - 0.3):
+            builder.box((at, y[0], floor + 0.06), (at + 0.12, y[1], floor + 0.10), blinker)
 
 
 def _add_step(builder: ShapeBuilder, x: float, wide: float, z: _Span) -> None:
@@ -161,6 +184,7 @@ def _cab_shape(build: Build) -> BodyShape:
         side_glass=(-0.50, 0.80),
         pillars=() if build is not Build.FIRE_ENGINE else (0.0,),
         clearance=0.14,
+        cladding=0.215,
         tail_round=0.02,
         nose_round=0.12,
         tall_mirrors=True,
@@ -203,11 +227,39 @@ def _add_cab(
             foot = frame.axles[0] - frame.wheel_radius * 1.25
             builder.box((foot - 0.42, spread[0], step), (foot, spread[1], step + 0.05),
                         Material.METAL)  # fmt: skip
+    _add_cab_doors(builder, cab, build)
     return cab
+
+
+def _add_cab_doors(builder: ShapeBuilder, cab: CarBody, build: Build) -> None:
+    """Joints, handles, side lamps, and lamps over the windscreen."""
+    f, dark = cab.frame, Material.PLASTIC_DARK
+    low, high = (cab.shape.clearance + 0.03) * f.height, 0.93 * f.height
+    half = 0.007 / f.half_length
+    seams = (-0.5, 0.72) if build is not Build.FIRE_ENGINE else (-0.62, 0.0, 0.74)
+    for x in seams:
+        cab.side_band(builder, (x - half, x + half), (low, high), dark, raised=0.004, rows=4)
+    for x in seams[:-1]:
+        grip = (x + 0.05, x + 0.05 + 0.20 / f.half_length)
+        z = cab.belt(0.0) - 0.16
+        cab.side_band(builder, grip, (z, z + 0.05), dark, raised=0.02, rows=1)
+    z = 0.36 * f.height
+    for sign, blinker in _BLINKERS:
+        cab.side_band(
+            builder, (0.80, 0.80 + 0.10 / f.half_length), (z, z + 0.06), blinker, raised=0.012,
+            sides=(sign,), rows=1,
+        )  # fmt: skip
+        for share in (0.45, 0.80):
+            y = sorted((sign * share * f.half_width, sign * (share * f.half_width + 0.10)))
+            top = cab.roof(0.62)
+            x = f.center_x + 0.62 * f.half_length
+            builder.box((x, y[0], top - 0.05), (x + 0.09, y[1], top + 0.012), Material.LAMP_COVER)
 
 
 def add_truck(builder: ShapeBuilder, build: Build, frame: VehicleFrame) -> None:
     """Lorries: a cab over the front axle, a chassis, and what they carry."""
+    if build is Build.DELIVERY:
+        frame = replace(frame, wheel_radius=min(frame.wheel_radius, _LIGHT_TYRE_M))
     half = frame.half_width
     length = frame.high[0] - frame.low[0]
     share = 0.97 if build is Build.DELIVERY else 0.90
@@ -222,12 +274,32 @@ def add_truck(builder: ShapeBuilder, build: Build, frame: VehicleFrame) -> None:
         Build.LORRY: _add_goods, Build.FIRE_ENGINE: _add_fire_gear, Build.DELIVERY: _add_drinks,
     }[build]  # fmt: skip
     load(builder, frame, wide, (rear, load_front), floor)
+    _add_marking(builder, wide, (rear, load_front), floor)
+    if build is Build.LORRY:
+        _add_deflector(builder, cab, 0.90 * wide, frame.high[2] - 0.012)
     if build is Build.FIRE_ENGINE:
         top = cab.roof(0.2)
         x = cab.frame.center_x + 0.2 * cab.frame.half_length
         add_light_bar(builder, x, 0.75 * wide, top, top + 0.17)
     _add_rear_lamps(builder, rear, wide, floor - 0.22, frame.plate)
     add_wheels(builder, frame, cab.frame, 0)
+
+
+def _add_deflector(builder: ShapeBuilder, cab: CarBody, wide: float, high: float) -> None:
+    """A shell on the cab's roof that leads the air over the load."""
+    f = cab.frame
+    share = np.linspace(0.0, 1.0, 6)
+    rows = []
+    for x, rise in ((0.55, 0.0), (0.1, 0.45), (-0.4, 0.82), (-0.95, 1.0)):
+        top = cab.roof(x)
+        z = top - 0.03 + rise * (high - top) * (1.0 - 0.10 * (2 * share - 1.0) ** 4)
+        y = wide * (0.80 + 0.16 * rise) * (2 * share - 1.0)
+        along = np.full_like(y, f.center_x + x * f.half_length)
+        line = np.stack([along, y, z], axis=-1)
+        ends = line[[0, -1]].copy()
+        ends[:, 2] = top - 0.05
+        rows.append(np.concatenate([ends[:1], line, ends[1:]]))
+    builder.grid(np.array(rows), Material.PAINT)
 
 
 def _add_chassis(
@@ -282,6 +354,19 @@ def _load_box(
     return roof
 
 
+def _add_marking(builder: ShapeBuilder, wide: float, load: _Span, floor: float) -> None:
+    """Reflecting tape (UN ECE R104) and amber side lamps (R48) along the lower edge of a load."""
+    rear, front = load
+    count = max(int((front - rear) / 0.9), 3)
+    for x in np.linspace(rear + 0.12, front - 0.62, count):
+        _band(builder, (x, x + 0.5), wide + 0.004, (floor + 0.012, floor + 0.062),
+              Material.SIGN_YELLOW)  # fmt: skip
+    for sign, blinker in _BLINKERS:
+        y = sorted((sign * (wide - 0.03), sign * (wide + 0.012)))
+        for x in np.linspace(rear + 0.4, front - 0.2, 3):
+            builder.box((x, y[0], floor - 0.06), (x + 0.11, y[1], floor - 0.015), blinker)
+
+
 def _add_goods(
     builder: ShapeBuilder, frame: VehicleFrame, wide: float, load: _Span, floor: float
 ) -> None:
@@ -306,11 +391,17 @@ def _add_drinks(
     builder: ShapeBuilder, frame: VehicleFrame, wide: float, load: _Span, floor: float
 ) -> None:
     rear, front = load
-    roof = _load_box(builder, frame, wide, load, floor, Material.PAINT)
+    roof = _load_box(builder, frame, wide, load, floor, Material.SIGN_RED)
     middle, tall = (rear + front) / 2, roof - floor
-    _band(builder, load, wide + 0.001, (floor + 0.14 * tall, floor + 0.30 * tall),
+    _band(builder, load, wide + 0.001, (floor + 0.14 * tall, floor + 0.24 * tall),
           Material.SIGN_WHITE)  # fmt: skip
-    for size, z, text in ((0.26, 0.66, "FRESH"), (0.18, 0.44, "DRINKS")):
+    # Doors of the bays roll up between posts.
+    for x in np.linspace(rear, front, 9)[[1, 7]]:
+        _band(builder, (x - 0.02, x + 0.02), wide + 0.001, (floor + 0.07, roof - 0.07),
+              Material.METAL)  # fmt: skip
+    for z in np.linspace(floor + 0.28 * tall, roof - 0.12, 6):
+        _band(builder, load, wide + 0.001, (z, z + 0.012), Material.PAINT_RED)
+    for size, z, text in ((0.22, 0.70, "FRESH"), (0.15, 0.44, "DRINKS")):
         add_side_text(
             builder, wide + 0.012, middle, floor + z * tall, text, size * tall, Material.SIGN_WHITE
         )
@@ -326,13 +417,14 @@ def _add_fire_gear(
     builder.box((rear, -wide, floor), (front, wide, roof), Material.PAINT)
     _band(builder, load, wide, (floor + 0.02, floor + 0.16 * tall), Material.SIGN_YELLOW)
     _band(builder, load, wide, (floor + 0.18 * tall, floor + 0.24 * tall), Material.SIGN_WHITE)
+    _add_lockers(builder, frame, wide, load, floor)
     count = 4
     step = (front - rear) / count
     for k in range(count):
         x0, x1 = rear + k * step + 0.05, rear + (k + 1) * step - 0.05
         low, high = floor + 0.28 * tall, roof - 0.20 * tall
         _band(builder, (x0, x1), wide, (low, high), Material.METAL)
-        for z in np.linspace(low, high, 9)[1:-1]:
+        for z in np.linspace(low, high, 8)[1:-1]:
             _band(builder, (x0, x1), wide + 0.002, (z, z + 0.012), Material.PAINT_GREY)
     add_side_text(
         builder, wide + 0.010, (rear + front) / 2, roof - 0.10 * tall, "FIRE RESCUE", 0.13 * tall,
@@ -348,6 +440,24 @@ def _add_fire_gear(
     _add_chevrons(builder, rear - 0.006, 0.98 * wide, (floor + 0.02, floor + 0.28 * tall))
     add_rear_text(builder, rear - 0.008, roof - 0.10 * tall, "FIRE", 0.14 * tall,
                   Material.SIGN_WHITE)  # fmt: skip
+
+
+def _add_lockers(
+    builder: ShapeBuilder, frame: VehicleFrame, wide: float, load: _Span, floor: float
+) -> None:
+    """Boxes with doors between and behind the wheels, as far down as a step."""
+    axle, radius = frame.axles[1], frame.wheel_radius
+    spans = ((axle + 1.3 * radius, load[1]), (load[0] + 0.10, axle - 1.3 * radius))
+    for first, last in spans:
+        if last - first < 0.3:
+            continue
+        for sign in (-1.0, 1.0):
+            y = sorted((sign * 0.70 * wide, sign * wide))
+            builder.box((first, y[0], 0.42), (last, y[1], floor), Material.PAINT)
+        _band(builder, (first + 0.06, last - 0.06), wide, (0.50, floor - 0.07), Material.METAL)
+        middle = (first + last) / 2
+        _band(builder, (middle - 0.1, middle + 0.1), wide + 0.004, (0.56, 0.60),
+              Material.PLASTIC_DARK)  # fmt: skip
 
 
 def _add_ladder(builder: ShapeBuilder, x: _Span, low: float, high: float) -> None:

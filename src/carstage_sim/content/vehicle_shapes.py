@@ -84,15 +84,17 @@ _SUV = BodyShape(
     top=(
         (-1.0, 0.65), (-0.985, 0.70), (-0.95, 0.815), (-0.905, 0.92), (-0.86, 0.962),
         (-0.72, 0.985), (-0.3, 1.0), (0.12, 0.99),
-        (0.22, 0.955), (0.46, 0.72), (0.54, 0.695), (0.78, 0.665), (0.94, 0.62), (1.0, 0.56),
+        (0.22, 0.955), (0.44, 0.715), (0.50, 0.69), (0.78, 0.665), (0.92, 0.64), (0.975, 0.61),
+        (1.0, 0.57),
     ),
-    belt=((-1.0, 0.61), (-0.5, 0.62), (0.3, 0.60), (0.5, 0.60), (0.8, 0.575), (1.0, 0.515)),
-    width=_ROUND, rear_window=(-0.98, -0.90), windscreen=(0.20, 0.47),
-    side_glass=(-0.84, 0.39), pillars=(-0.48, -0.04),
-    clearance=0.135, tumblehome=0.18, cladding=0.24, nose_lean=0.06, tail_lean=0.03,
-    head_lamp=(0.56, 1.2, 0.42, 0.50), tail_lamp=(0.68, 1.12, 0.42, 0.62), tails=Tails.UPRIGHT,
-    grille=(0.36, 0.515, 0.50), intake=(0.19, 0.28, 0.70), boot=False,
-    tinted=True,
+    belt=((-1.0, 0.61), (-0.5, 0.62), (0.3, 0.60), (0.5, 0.60), (0.8, 0.585), (1.0, 0.53)),
+    width=_ROUND, rear_window=(-0.98, -0.90), windscreen=(0.20, 0.45),
+    side_glass=(-0.84, 0.37), pillars=(-0.48, -0.04),
+    clearance=0.125, tumblehome=0.16, cladding=0.23, nose_round=0.17, nose_lean=0.05,
+    tail_lean=0.03,
+    head_lamp=(0.58, 1.14, 0.43, 0.505), tail_lamp=(0.68, 1.12, 0.42, 0.61), tails=Tails.UPRIGHT,
+    grille=(0.35, 0.525, 0.52), intake=(0.205, 0.29, 0.66), boot=False,
+    tinted=True, rails=True,
 )
 
 SHAPES: dict[Build, BodyShape] = {
@@ -123,7 +125,7 @@ SHAPES: dict[Build, BodyShape] = {
         tail_lean=0.01, cladding=0.26, head_lamp=(0.55, 0.83, 0.42, 0.53), lamps=Lamps.ROUND,
         tail_lamp=(0.80, 0.97, 0.44, 0.58), grille=(0.37, 0.555, 0.46), bars=Bars.UPRIGHT,
         intake=(0.22, 0.30, 0.85),
-        rear_glass=(0.66, 0.90, 0.78),
+        rear_glass=(0.66, 0.90, 0.78), rails=False, spare=True,
     ),
     Build.BUBBLE: replace(
         _HATCH,
@@ -194,7 +196,11 @@ SHAPES[Build.AMBULANCE] = SHAPES[Build.VAN]
 # What tells a model from others of its build.
 _OWN: dict[str, dict[str, Any]] = {
     "audi.a2": {"grille": (0.335, 0.43, 0.40), "bars": Bars.ACROSS},
-    "audi.etron": {"grille": (0.25, 0.48, 0.42), "bars": Bars.UPRIGHT, "tails": Tails.SWEPT},
+    "audi.etron": {
+        "grille": (0.30, 0.50, 0.40),
+        "bars": Bars.MESH,
+        "tails": Tails.SWEPT,
+    },
     "bmw.grandtourer": {"grille": (0.33, 0.44, 0.30), "bars": Bars.UPRIGHT},
     "dodge.charger_2020": {
         "grille": (0.33, 0.46, 0.62),
@@ -212,6 +218,8 @@ _OWN: dict[str, dict[str, Any]] = {
     "lincoln.mkz_2020": {"tails": Tails.STRIP, "tail_lamp": (0.0, 1.0, 0.53, 0.57)},
     "mini.cooper_s": {"lamps": Lamps.ROUND, "head_lamp": (0.60, 0.86, 0.385, 0.49)},
     "mini.cooper_s_2021": {"lamps": Lamps.ROUND, "head_lamp": (0.60, 0.86, 0.385, 0.49)},
+    "nissan.patrol": {"grille": (0.36, 0.505, 0.42), "spare": True},
+    "nissan.patrol_2021": {"bars": Bars.VEE},
     "nissan.micra": {"grille": (0.36, 0.42, 0.36), "bars": Bars.ACROSS},
     "tesla.model3": {"grille": None, "intake": (0.15, 0.24, 0.66)},
     "toyota.prius": {"grille": (0.40, 0.445, 0.36), "intake": (0.16, 0.31, 0.62)},

@@ -9,11 +9,12 @@ import numpy as np
 
 from carstage_sim.content.cabins import Cabin, add_cabin
 from carstage_sim.content.car_body import CarBody
-from carstage_sim.content.car_faces import add_front, add_rear
+from carstage_sim.content.car_faces import SPARE_M, add_front, add_rear
 from carstage_sim.content.lofting import ShapeBuilder
 from carstage_sim.content.marks import LIGHT_BAR_M, add_bus_marks, add_police, add_taxi
 from carstage_sim.content.trucks import add_ambulance, add_truck
 from carstage_sim.content.two_wheelers import add_two_wheeler
+from carstage_sim.content.van_sides import add_bus_sides, add_camper_trim, add_van_sides
 from carstage_sim.content.vehicle_frame import Vector, VehicleFrame, add_wheels
 from carstage_sim.content.vehicle_shapes import Build, build_of, makers_size, shape_of
 from carstage_sim.labels import CityObjectLabel
@@ -41,6 +42,7 @@ _CABINS = {
     Build.CAMPER: Cabin(rows=2),
     Build.BUS: Cabin(rows=8, passengers=6),
 }
+_STEEL_WHEELS = (Build.BUS, Build.VAN, Build.CAMPER)
 _HEAVY = (Build.LORRY, Build.FIRE_ENGINE, Build.DELIVERY, Build.BUS)
 
 
@@ -102,7 +104,8 @@ def _add_car(builder: ShapeBuilder, build: Build, frame: VehicleFrame) -> None:
         frame = replace(frame, wheel_radius=size.tyre_radius)
     marks = _MARKS.get(frame.type_id.removeprefix("vehicle."))
     height = frame.high[2] - (LIGHT_BAR_M if marks is not None else 0.0)
-    body = frame.body(share, frame.low[0], frame.high[0], height)
+    rear = frame.low[0] + (SPARE_M if shape.spare else 0.0)
+    body = frame.body(share, rear, frame.high[0], height)
     car = CarBody(shape, body)
     car.add_to(builder)
     add_front(builder, car, frame.plate)
@@ -112,13 +115,20 @@ def _add_car(builder: ShapeBuilder, build: Build, frame: VehicleFrame) -> None:
         marks(builder, car)
     if build is Build.BUS:
         add_bus_marks(builder, car)
-    add_wheels(builder, frame, body, 0 if build in _HEAVY else 5)
+    if build in _SIDES:
+        _SIDES[build](builder, car)
+    add_wheels(builder, frame, body, 0 if build in _STEEL_WHEELS else 5)
 
 
 _MARKS = {
     "dodge.charger_police": add_police,
     "dodge.charger_police_2020": add_police,
     "ford.crown": add_taxi,
+}
+_SIDES: dict[Build, Callable[[ShapeBuilder, CarBody], None]] = {
+    Build.VAN: add_van_sides,
+    Build.CAMPER: add_camper_trim,
+    Build.BUS: add_bus_sides,
 }
 _BODIES: dict[Build, Callable[[ShapeBuilder, Build, VehicleFrame], None]] = {
     Build.AMBULANCE: add_ambulance,

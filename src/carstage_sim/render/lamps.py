@@ -31,6 +31,20 @@ _DX, _DY, _DZ = 3, 4, 5
 _REACH_M: Any = np.float32(26.0)
 _ZERO: Any = np.float32(0)
 _ONE: Any = np.float32(1)
+# Colours of lamps in linear sRGB: the CIE 1931 chromaticities that UN ECE R148 and EN 12368 allow,
+# the largest channel 1. Red (0.69, 0.31) has nothing but red in it.
+_AMBER_GREEN: Any = np.float32(0.20)
+"""Amber, (0.575, 0.425): green."""
+_YELLOW_GREEN: Any = np.float32(0.23)
+"""Yellow of traffic lights, (0.565, 0.432): green."""
+_GREEN_BLUE: Any = np.float32(0.30)
+"""Green of traffic lights, (0.20, 0.50): blue."""
+_BLUE_GREEN: Any = np.float32(0.03)
+"""Blue of beacons, (0.15, 0.07): green."""
+_BRAKES: Any = np.float32(3.6)
+_STRAY: Any = np.float32(0.006)
+"""Share of a lamp's light that lenses and the sensor spread to the other channels: bright cores
+are a little paler."""
 
 
 class Lamps(NamedTuple):
@@ -93,37 +107,38 @@ def headlight_beams(
 def glow(kind, bits, time_s):  # type: ignore[no-untyped-def]
     """Light of a lamp of an actor, in units of what the camera shows as white, and its colour."""
     blink = (time_s * np.float32(1.5)) % _ONE < np.float32(0.5)
+    strength, r, g, b = _ZERO, _ONE, _STRAY, _STRAY
     if kind == _HEAD and bits & _BEAM_BITS:
-        return np.float32(9.0), np.float32(1.0), np.float32(0.96), np.float32(0.88)
+        return np.float32(9.0), _ONE, np.float32(0.96), np.float32(0.88)
     if kind == _HEAD and bits & _POSITION_BIT:
-        return np.float32(2.0), np.float32(1.0), np.float32(0.96), np.float32(0.9)
-    if kind == _TAIL and bits & _BRAKE_BIT:
-        return np.float32(3.0), np.float32(1.0), np.float32(0.03), np.float32(0.02)
-    if kind == _TAIL and bits & (_POSITION_BIT | _BEAM_BITS):
-        return np.float32(0.8), np.float32(1.0), np.float32(0.03), np.float32(0.02)
-    if ((kind == _LEFT and bits & _LEFT_BIT) or (kind == _RIGHT and bits & _RIGHT_BIT)) and blink:
-        return np.float32(2.6), np.float32(1.0), np.float32(0.36), np.float32(0.02)
+        return np.float32(2.0), _ONE, np.float32(0.96), np.float32(0.9)
     if kind == _REVERSE and bits & _REVERSE_BIT:
-        return np.float32(3.0), np.float32(1.0), np.float32(1.0), np.float32(0.95)
+        return np.float32(3.0), _ONE, _ONE, np.float32(0.95)
     if kind == _BRAKE and bits & _BRAKE_BIT:
-        return np.float32(3.0), np.float32(1.0), np.float32(0.03), np.float32(0.02)
-    if bits & _SPECIAL_BITS:
+        return _BRAKES, r, g, b
+    if kind == _TAIL and bits & _BRAKE_BIT:
+        strength = _BRAKES
+    elif kind == _TAIL and bits & (_POSITION_BIT | _BEAM_BITS):
+        strength = np.float32(1.2)
+    elif kind == _RED and bits == _RED_STATE:
+        strength = np.float32(3.6)
+    elif ((kind == _LEFT and bits & _LEFT_BIT) or (kind == _RIGHT and bits & _RIGHT_BIT)) and blink:
+        strength, g = np.float32(2.0), _AMBER_GREEN
+    elif kind == _YELLOW and bits == _YELLOW_STATE:
+        strength, g = np.float32(2.0), _YELLOW_GREEN
+    elif kind == _DISPLAY:
+        strength, g = np.float32(1.5), _AMBER_GREEN
+    elif kind == _GREEN and bits == _GREEN_STATE:
+        strength, r, g, b = np.float32(2.6), _STRAY, _ONE, _GREEN_BLUE
+    elif bits & _SPECIAL_BITS:
         # Double flashes, red and blue in turn.
         beat = (time_s * np.float32(2.0)) % _ONE
         flash = (beat * np.float32(6.0)) % _ONE < np.float32(0.6)
         if kind == _BEACON_BLUE and flash and beat < np.float32(0.5):
-            return np.float32(6.0), np.float32(0.06), np.float32(0.22), np.float32(1.0)
-        if kind == _BEACON_RED and flash and beat >= np.float32(0.5):
-            return np.float32(6.0), np.float32(1.0), np.float32(0.04), np.float32(0.03)
-    if kind == _DISPLAY:
-        return np.float32(1.1), np.float32(1.0), np.float32(0.42), np.float32(0.03)
-    if kind == _RED and bits == _RED_STATE:
-        return np.float32(2.6), np.float32(1.0), np.float32(0.05), np.float32(0.03)
-    if kind == _YELLOW and bits == _YELLOW_STATE:
-        return np.float32(2.6), np.float32(1.0), np.float32(0.50), np.float32(0.03)
-    if kind == _GREEN and bits == _GREEN_STATE:
-        return np.float32(2.4), np.float32(0.06), np.float32(1.0), np.float32(0.5)
-    return _ZERO, _ZERO, _ZERO, _ZERO
+            strength, r, g, b = np.float32(5.0), _STRAY, _BLUE_GREEN, _ONE
+        elif kind == _BEACON_RED and flash and beat >= np.float32(0.5):
+            strength = np.float32(5.0)
+    return strength, r, g, b
 
 
 @device

@@ -7,6 +7,7 @@ import pytest
 
 from carstage_sim.content.lettering import add_text, plate_number, text_width
 from carstage_sim.content.lofting import ShapeBuilder
+from carstage_sim.content.vehicle_shapes import shape_of
 from carstage_sim.content.vehicles import vehicle_mesh
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material
@@ -152,6 +153,84 @@ def test_the_tailgate_of_a_hatch_or_suv_has_a_dark_window_half_way_up(name):
     clear = corners[mesh.material == Material.GLASS].mean(axis=1)
     sides = np.abs(clear[:, 1]) > 0.3 * high[1]
     assert clear[sides, 0].min() > corners[mesh.material == Material.GLASS_DARK, :, 0].min() + 1.5
+
+
+def from_behind(name, y, share):
+    """What one meets first from behind, at a height that is a share of the box's."""
+    mesh = mesh_of(catalogue()[name])
+    corners = mesh.vertices[mesh.triangles].astype(np.float64)
+    eye = np.array([mesh.bounds[0, 0] - 5.0, y, share * mesh.bounds[1, 2]])
+    return mesh.material[first_met(corners, eye, 1.0)]
+
+
+@pytest.mark.parametrize("name", ["vehicle.nissan.patrol", "vehicle.jeep.wrangler_rubicon"])
+def test_a_spare_wheel_hangs_on_the_rear_door_and_hides_no_plate(name):
+    height = mesh_of(catalogue()[name]).bounds[1, 2]
+    assert from_behind(name, 0.05, 0.49) == Material.METAL
+    assert from_behind(name, 0.29, 0.49) == Material.RUBBER
+    plate = mesh_of(catalogue()[name])
+    at = plate.vertices[plate.triangles[plate.material == Material.LICENCE_PLATE]].mean(axis=1)
+    behind = at[at[:, 0] < 0.0]
+    for y in (-0.21, 0.01, 0.19):
+        seen = from_behind(name, y, behind[:, 2].mean() / height)
+        assert seen in (Material.LICENCE_PLATE, Material.SIGN_BLUE, Material.PAINT_BLACK)
+
+
+def test_a_line_of_tail_lamps_crosses_the_whole_rear():
+    low, high = shape_of("vehicle.dodge.charger_2020").tail_lamp[2:]
+    for y in (-0.5, -0.015, 0.015, 0.5):
+        seen = from_behind("vehicle.dodge.charger_2020", y, (low + high) / 2)
+        assert seen == Material.TAIL_LAMP
+
+
+@pytest.mark.parametrize("name", ["nissan.patrol", "nissan.patrol_2021", "audi.etron"])
+def test_an_suv_is_wide_and_stands_on_bare_plastic(name):
+    mesh = mesh_of(catalogue()[f"vehicle.{name}"])
+    corners = mesh.vertices[mesh.triangles].astype(np.float64)
+    painted = corners[mesh.material == Material.PAINT].reshape(-1, 3)
+    body = np.abs(painted[painted[:, 2] < 0.45 * mesh.bounds[1, 2], 1]).max()
+    assert body > 0.92 * mesh.bounds[1, 1]
+    side = corners[:, :, [1, 0, 2]]
+    for height, material in ((0.19, Material.PLASTIC_DARK), (0.40, Material.PAINT)):
+        beside = np.array([-9.0, 0.23, height * mesh.bounds[1, 2]])
+        assert mesh.material[first_met(side, beside, 1.0)] == material
+
+
+def area_on_sides(mesh, material):
+    """Square metres of a material that are turned to the left or right."""
+    corners = mesh.vertices[mesh.triangles[mesh.material == material]].astype(np.float64)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2.0
+    return np.abs(normal[:, 1]).sum()
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["mercedes.sprinter", "mitsubishi.fusorosa", "ford.ambulance", "carlamotors.european_hgv",
+     "carlamotors.carlacola", "carlamotors.firetruck"],
+)  # fmt: skip
+def test_long_vehicles_have_amber_lamps_along_their_sides(name):
+    """UN ECE R48 asks for side markers: none more than 3 m from the next."""
+    mesh = mesh_of(catalogue()[f"vehicle.{name}"])
+    for material, side in ((Material.BLINKER_LEFT, -1.0), (Material.BLINKER_RIGHT, 1.0)):
+        at = mesh.vertices[mesh.triangles[mesh.material == material]].mean(axis=1)
+        x = np.sort(at[at[:, 1] * side > 0.7 * mesh.bounds[1, 1], 0])
+        assert np.diff(np.concatenate([mesh.bounds[:1, 0], x, mesh.bounds[1:, 0]])).max() < 3.1
+
+
+@pytest.mark.parametrize(
+    ("name", "material", "least_m2"),
+    [
+        ("mercedes.sprinter", Material.PLASTIC_DARK, 1.0),
+        ("volkswagen.t2", Material.RIM, 0.3),
+        ("mitsubishi.fusorosa", Material.DISPLAY, 0.1),
+        ("ford.ambulance", Material.METAL, 0.5),
+        ("carlamotors.european_hgv", Material.SIGN_YELLOW, 0.2),
+        ("carlamotors.firetruck", Material.METAL, 8.0),
+        ("carlamotors.carlacola", Material.SIGN_RED, 5.0),
+    ],
+)
+def test_sides_of_vans_lorries_and_buses_are_not_blank(name, material, least_m2):
+    assert area_on_sides(mesh_of(catalogue()[f"vehicle.{name}"]), material) > least_m2
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import colorsys
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material, build_mesh, merge_meshes
 from carstage_sim.render.caster import RayCaster, picture_packets
 from carstage_sim.render.film import Film
-from carstage_sim.render.materials import APPEARANCES
+from carstage_sim.render.materials import APPEARANCES, linear_colour
 from carstage_sim.render.picture import Picture, PictureMaker
 from carstage_sim.render.scene import PAINTS, Placement
 from carstage_sim.sensors.view import Camera, pixel_rays
@@ -20,6 +22,7 @@ from ray_scenes import frame_of, turned_box
 pytestmark = pytest.mark.xdist_group("kernels")
 
 _NOON = Weather(sun_altitude_angle=60.0, sun_azimuth_angle=180.0, cloudiness=0.0)
+_NIGHT = Weather(sun_altitude_angle=-40.0)
 
 
 def plate(low, high, material, z=0.0):
@@ -86,6 +89,48 @@ def test_lamps_glow_in_their_state_only(material, on, off, channel):
         return codes[lens][:, channel].astype(int).mean()
 
     assert brightness(on) > brightness(off) + 25
+
+
+@pytest.mark.parametrize(
+    "weather", [_NOON, Weather(sun_altitude_angle=-40.0)], ids=["day", "night"]
+)
+@pytest.mark.parametrize(
+    ("material", "state", "hue_deg"),
+    [
+        (Material.LIGHT_RED, 0, (-6, 6)),
+        (Material.LIGHT_YELLOW, 1, (26, 42)),
+        (Material.LIGHT_GREEN, 2, (150, 175)),
+        (Material.TAIL_LAMP, 1, (-6, 6)),
+        (Material.BRAKE_LAMP, 8, (-6, 6)),
+        (Material.BLINKER_LEFT, 32, (26, 42)),
+        (Material.BEACON_BLUE, 512, (215, 245)),
+    ],
+)
+def test_lit_lamps_have_the_colours_of_the_rules(material, state, hue_deg, weather):
+    """Saturated red, amber, green and blue: none is pale, though the film saturates."""
+    codes, hits = paint(with_box(material, state), weather)
+    lens = (hits.row == 0).reshape(48, 64)
+    colour = np.median(codes[lens][:, :3].astype(float), axis=0) / 255.0
+    hue, saturation, value = colorsys.rgb_to_hsv(*colour)
+    assert hue_deg[0] <= (hue * 360.0 + 90.0) % 360.0 - 90.0 <= hue_deg[1]
+    assert saturation > 0.7
+    assert value > 0.8
+
+
+def test_the_ground_under_a_car_is_dark_where_no_sun_shines():
+    """A gap of 0.25 m under 2 m of width lets about an eighth of the sky's light in."""
+    store = frame_of(GROUND, [Placement(1, "box", np.array([0.0, 0.0, 1.25]), np.eye(3))],
+                     {"box": BOX})  # fmt: skip
+    eye, turned = (-3.5, 0.0, 0.5), (-5.0, 0.0, 0.0)
+    codes, hits = paint(store, Weather(sun_altitude_angle=60.0, cloudiness=100.0), eye, turned)
+    rays = pixel_rays(Camera(64, 48, 80.0, eye, turned, 0))
+    places = np.asarray(eye) + rays * hits.t[:, None]
+    ground = (hits.row == -1) & (np.abs(places[:, 2]) < 0.01)
+    light = linear_colour(codes.reshape(-1, 3)[:, 0])
+    under = ground & (np.abs(places[:, :2]) < 0.7).all(axis=1)
+    beside = ground & (np.abs(places[:, 1]) > 1.5) & (np.abs(places[:, 0]) < 1.5)
+    assert under.sum() > 10
+    assert light[under].mean() < 0.35 * light[beside].mean()
 
 
 def behind_glass(*behind, static=()):

@@ -99,7 +99,7 @@ class MaterialAppearance(NamedTuple):
 
 APPEARANCES: dict[Material, MaterialAppearance] = {
     Material.DEFAULT: MaterialAppearance((150, 150, 150)),
-    Material.ASPHALT: MaterialAppearance((86, 85, 84), 0.85, 0.03, Detail.ASPHALT),
+    Material.ASPHALT: MaterialAppearance((88, 86, 84), 0.85, 0.03, Detail.ASPHALT),
     Material.LANE_MARKING_WHITE: MaterialAppearance((222, 222, 216), 0.7, 0.04, Detail.MARKING),
     Material.LANE_MARKING_YELLOW: MaterialAppearance((226, 172, 44), 0.7, 0.04, Detail.MARKING),
     Material.SIDEWALK: MaterialAppearance((158, 154, 147), 0.9, 0.03, Detail.PAVING),
@@ -179,8 +179,8 @@ APPEARANCES: dict[Material, MaterialAppearance] = {
     Material.HOUSE_DOOR: MaterialAppearance((84, 60, 44), 0.6, 0.04, Detail.DOOR),
     Material.GUTTER: MaterialAppearance((118, 116, 112), 0.9, 0.03, Detail.GUTTER),
     Material.TACTILE: MaterialAppearance((186, 178, 152), 0.9, 0.03, Detail.TACTILE),
-    Material.TAR: MaterialAppearance((38, 38, 40), 0.85, 0.03, Detail.GRAIN),
-    Material.ASPHALT_NEW: MaterialAppearance((58, 58, 60), 0.85, 0.03, Detail.ASPHALT),
+    Material.TAR: MaterialAppearance((39, 38, 37), 0.85, 0.03, Detail.GRAIN),
+    Material.ASPHALT_NEW: MaterialAppearance((59, 58, 57), 0.85, 0.03, Detail.ASPHALT),
     Material.COVER: MaterialAppearance((64, 60, 56), 0.8, 0.04, Detail.COVER),
     Material.PICTURE: MaterialAppearance((128, 128, 128), 0.9, 0.02, Detail.PICTURE),
 }

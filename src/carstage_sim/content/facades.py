@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.content.lettering import text_rectangles
+from carstage_sim.content.signwriting import written
 from carstage_sim.content.solids import quad_mesh
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material, TriangleMesh
@@ -336,9 +336,14 @@ def _shop_name(
     name = _SHOPS[int(rng.integers(len(_SHOPS)))]
     bright = sign == Material.SIGN_WHITE
     letters = Material.PLASTIC_DARK if bright else Material.SIGN_WHITE
-    at = (3.15 + 3.75) / 2
-    for a0, a1, b0, b1 in text_rectangles(name, 0.32):
-        drawing.panel(letters, middle - a1, middle - a0, at + b0, at + b1, 0.125)
+    at, weight, wide = (
+        (3.15 + 3.75) / 2,
+        float(rng.uniform(1.5, 2.5)),
+        float(rng.uniform(0.85, 1.2)),
+    )
+    for quad in written(name, 0.32, weight=weight, wide=wide):
+        a, b, c, d = (drawing.place(middle - along, at + up, 0.125) for along, up in quad)
+        drawing.quads.add(letters, a, b, c, d)
 
 
 def _entrance_floor(drawing: WallDrawing, style: FacadeStyle) -> None:

@@ -318,11 +318,9 @@ def _plaster(s, t, edges, owner, pixel):  # type: ignore[no-untyped-def]
     value *= _repaired(s, t, owner)
     dirt = _ZERO
     if hang < _STREAKED_M:
-        drip = noise(s * np.float32(8), hang * np.float32(0.4), 46)
-        drip = max(
-            np.float32(0.75) * drip * _layer(np.float32(0.12), pixel) + column + np.float32(0.1),
-            _ZERO,
-        )
+        drip = noise(s * np.float32(12), hang * np.float32(0.35), 46)
+        drip = (_HALF + _HALF * drip) * _layer(np.float32(0.1), pixel)
+        drip = max(column + np.float32(0.12), _ZERO) * (np.float32(0.4) + drip)
         reach = np.float32(1.2) + column
         dirt = drip * max(_ONE - hang / reach, _ZERO) * min(hang * np.float32(6), _ONE)
     if foot < np.float32(0.6):
@@ -357,7 +355,15 @@ def pattern(kind, x, y, z, nx, ny, nz, edges, owner, number, pixel):  # type: ig
             s, t, np.float32(0.25), np.float32(0.083), np.float32(0.012), _ONE, pixel, 5
         )
         value = (_ONE + np.float32(0.22) * tint) * (_ONE - seam)
-        value += np.float32(0.05) * faded(s, t, np.float32(3.0), pixel, 8) * (_ONE - seam)
+        fired, soot, cloud, slow, field = five_noises(
+            s, t, np.float32(0.21), np.float32(0.6), np.float32(1.6), np.float32(4.0),
+            np.float32(11.0), 47,
+        )  # fmt: skip
+        weathered = np.float32(0.08) * fired * _layer(np.float32(0.21), pixel)
+        weathered += np.float32(0.08) * soot * _layer(np.float32(0.6), pixel)
+        weathered += np.float32(0.07) * cloud * _layer(np.float32(1.6), pixel)
+        weathered += np.float32(0.07) * slow + np.float32(0.05) * field
+        value += weathered * (_ONE - seam)
         return (
             value * r + seam * np.float32(1.3),
             value * g + seam * np.float32(2.0),
@@ -393,8 +399,8 @@ def pattern(kind, x, y, z, nx, ny, nz, edges, owner, number, pixel):  # type: ig
     if kind != NONE:
         value = (
             _ONE
-            + np.float32(0.08) * faded(s, t, np.float32(0.06), pixel, 1)
-            + np.float32(0.06) * faded(s, t, np.float32(1.1), pixel, 2)
+            + np.float32(0.16) * faded(s, t, np.float32(0.06), pixel, 1)
+            + np.float32(0.12) * faded(s, t, np.float32(1.1), pixel, 2)
         )
         return value, value, value
     return _ONE, _ONE, _ONE

@@ -121,7 +121,7 @@ APPEARANCES: dict[Material, MaterialAppearance] = {
     Material.GLASS: MaterialAppearance((14, 17, 20), 0.03, 0.08, Detail.GLAZING),
     Material.RUBBER: MaterialAppearance((26, 26, 27), 0.9, 0.02),
     Material.RIM: MaterialAppearance((168, 172, 176), 0.3, 0.5),
-    Material.PLASTIC_DARK: MaterialAppearance((30, 30, 32), 0.6, 0.04),
+    Material.PLASTIC_DARK: MaterialAppearance((30, 30, 32), 0.6, 0.04, Detail.GRAIN),
     Material.HEAD_LAMP: MaterialAppearance((206, 212, 218), 0.1, 0.25, glow=Glow.HEAD_LAMP),
     Material.TAIL_LAMP: MaterialAppearance((132, 12, 14), 0.15, 0.08, glow=Glow.TAIL_LAMP),
     Material.BLINKER_LEFT: MaterialAppearance((206, 116, 24), 0.2, 0.06, glow=Glow.BLINKER_LEFT),

@@ -8,7 +8,7 @@ import pytest
 from carstage_sim.content.buildings import BUILDING_KINDS, building_mesh
 from carstage_sim.kernels import kernel
 from carstage_sim.mesh import Material
-from carstage_sim.render.detail import FAR_M, PLASTER, pattern
+from carstage_sim.render.detail import BRICK, FAR_M, PLASTER, pattern
 from carstage_sim.render.panes import wall_edges
 from carstage_sim.render.scene import _panes
 
@@ -18,14 +18,14 @@ WIDE_M, HIGH_M, STEP_M = 16.0, 3.0, 0.02
 
 
 @kernel
-def _look(hang_from, foot_from, owner, pixel, out):
+def _look(kind, step, hang_from, foot_from, owner, pixel, out):
     for i in range(out.shape[0]):
-        up = np.float32(i) * np.float32(STEP_M)
+        up = np.float32(i) * step
         for j in range(out.shape[1]):
             hang = np.float32(HIGH_M) - up if hang_from else FAR_M
             foot = up if foot_from else FAR_M
             found = pattern(
-                PLASTER, np.float32(j) * np.float32(STEP_M), np.float32(3), up, np.float32(0),
+                kind, np.float32(j) * step, np.float32(3), up, np.float32(0),
                 np.float32(-1), np.float32(0), (hang, foot), owner, 0, pixel,
             )  # fmt: skip
             for k in range(3):
@@ -41,7 +41,7 @@ def _edges(packed, weights, out):
 def wall(*, owner=7, hang=False, foot=False, pixel=0.01):
     """``(rows from the foot, columns, 3)`` colour factors of a wall."""
     out = np.empty((round(HIGH_M / STEP_M), round(WIDE_M / STEP_M), 3), np.float32)
-    _look(hang, foot, owner, np.float32(pixel), out)
+    _look(PLASTER, np.float32(STEP_M), hang, foot, owner, np.float32(pixel), out)
     return out
 
 
@@ -89,6 +89,18 @@ def test_a_wall_next_to_the_camera_is_never_flat():
     out = wall(pixel=0.0031)[..., 1]
     cells = out[:128, :800].reshape(8, 16, 50, 16).std(axis=(1, 3))
     assert cells.min() > 0.01
+
+
+@pytest.mark.parametrize("kind", [BRICK, PLASTER])
+def test_a_wall_across_a_junction_is_not_flat(kind):
+    """Patches of 32 x 32 pixels of a wall 30 m away, 1280 pixels wide."""
+    out = np.empty((320, 640, 3), np.float32)
+    pixel = np.float32(0.047)
+    _look(kind, pixel, False, False, 7, pixel, out)
+    cells = out[..., 1].reshape(10, 32, 20, 32)
+    relative = cells.std(axis=(1, 3)) / cells.mean(axis=(1, 3))
+    assert np.median(relative) > 0.03
+    assert (relative < 0.02).mean() < 0.05
 
 
 def test_edges_of_strips_and_plinths_are_known_from_their_size():

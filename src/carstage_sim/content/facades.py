@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.content.lettering import text_rectangles
+from carstage_sim.content.signwriting import written
 from carstage_sim.content.solids import quad_mesh
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material, TriangleMesh
@@ -27,6 +27,8 @@ _SHOPS = (
 _CURTAIN_WALL = 0.7
 """Glazing from which a facade has no windows of its own, but glass from bay to bay."""
 _EYE_M = 1.6
+_PLINTH_M = 0.6
+"""As high as nothing else on a facade: shading knows plinths by it."""
 
 UVN = tuple[float, float, float]
 
@@ -189,6 +191,13 @@ def draw_plain(drawing: WallDrawing, style: FacadeStyle, floors: int, *, windows
     """A wall to the side or the court: flush windows, or none towards a neighbour."""
     length = drawing.wall.length_m
     top = style.ground_floor_m + (floors - 1) * style.floor_m
+    if style.wall in (Material.PLASTER, Material.BRICK, Material.CONCRETE):
+        drawing.panel(Material.CONCRETE, 0.0, length, 0.0, _PLINTH_M, 0.03)
+        drawing.quads.add(
+            Material.CONCRETE,
+            drawing.place(0.0, _PLINTH_M, 0.03), drawing.place(length, _PLINTH_M, 0.03),
+            drawing.place(length, _PLINTH_M, 0.0), drawing.place(0.0, _PLINTH_M, 0.0),
+        )  # fmt: skip
     if not windows or length < 4.0:
         drawing.panel(style.wall, 0.0, length, 0.0, top)
         return
@@ -327,9 +336,14 @@ def _shop_name(
     name = _SHOPS[int(rng.integers(len(_SHOPS)))]
     bright = sign == Material.SIGN_WHITE
     letters = Material.PLASTIC_DARK if bright else Material.SIGN_WHITE
-    at = (3.15 + 3.75) / 2
-    for a0, a1, b0, b1 in text_rectangles(name, 0.32):
-        drawing.panel(letters, middle - a1, middle - a0, at + b0, at + b1, 0.125)
+    at, weight, wide = (
+        (3.15 + 3.75) / 2,
+        float(rng.uniform(1.5, 2.5)),
+        float(rng.uniform(0.85, 1.2)),
+    )
+    for quad in written(name, 0.32, weight=weight, wide=wide):
+        a, b, c, d = (drawing.place(middle - along, at + up, 0.125) for along, up in quad)
+        drawing.quads.add(letters, a, b, c, d)
 
 
 def _entrance_floor(drawing: WallDrawing, style: FacadeStyle) -> None:
@@ -358,7 +372,7 @@ def _entrance_floor(drawing: WallDrawing, style: FacadeStyle) -> None:
             _surround(drawing, style, (u0, u1), (sill, head))
         left = u1
     drawing.panel(style.wall, left, length, 0.0, head)
-    drawing.slab(style.trim, (0.0, length), (0.0, 0.5), (0.0, 0.06))
+    drawing.slab(style.trim, (0.0, length), (0.0, _PLINTH_M), (0.0, 0.06))
 
 
 def _course(

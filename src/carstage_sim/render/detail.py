@@ -27,6 +27,10 @@ TACTILE, COVER = int(Detail.TACTILE), int(Detail.COVER)
 _ONE: Any = np.float32(1)
 _HALF: Any = np.float32(0.5)
 _ZERO: Any = np.float32(0)
+FAR_M: Any = np.float32(100)
+"""Stands for an edge of a wall that nobody knows of."""
+_STREAKED_M: Any = np.float32(2.2)
+"""Rain marks end so far below the edge that they come from."""
 
 
 @device
@@ -264,8 +268,77 @@ def _wall_tint(number):  # type: ignore[no-untyped-def]
 
 
 @device
-def pattern(kind, x, y, z, nx, ny, nz, owner, number, pixel):  # type: ignore[no-untyped-def]
-    """Colour factors (red, green, blue) of a procedural pattern at a place of a surface."""
+def _repaired(s, t, owner):  # type: ignore[no-untyped-def]
+    """Brightness of a place of a wall beside that of the wall: where it was plastered anew."""
+    u, v = s * np.float32(0.31), t * np.float32(0.42)
+    fx, fy = np.floor(u), np.floor(v)
+    chance = hash_unit(int(fx), int(fy) + owner * 7, 45)
+    if chance > np.float32(0.08):
+        return _ONE
+    u, v, grown = u - fx - np.float32(0.15), v - fy - np.float32(0.2), chance * np.float32(6)
+    if u < 0 or v < 0 or u > np.float32(0.12) + grown or v > np.float32(0.5) - grown * _HALF:
+        return _ONE
+    return np.float32(0.9) + grown * np.float32(0.33)
+
+
+@device
+def _plaster(s, t, edges, owner, pixel):  # type: ignore[no-untyped-def]
+    """Colour factors of plaster and concrete: roughcast, boards or formwork, repairs, rain marks.
+
+    Args:
+        s, t: place along the wall and up, metres.
+        edges: metres below an edge that rain drips from, and above the foot that it splashes.
+        owner: level object.
+        pixel: a pixel's side, metres.
+    """
+    hang, foot = edges
+    grain, mottle, cloud, slow, _ = five_noises(
+        s, t, np.float32(0.03), np.float32(0.12), np.float32(0.55), np.float32(2.6),
+        np.float32(8.0), 41,
+    )  # fmt: skip
+    column = noise(s * np.float32(2.65), t * np.float32(0.29), 4)
+    column *= _layer(np.float32(0.38), pixel)
+    cloud *= _layer(np.float32(0.55), pixel)
+    value = (
+        _ONE
+        + np.float32(0.08) * grain * _layer(np.float32(0.03), pixel)
+        + np.float32(0.05) * mottle * _layer(np.float32(0.12), pixel)
+        + np.float32(0.05) * cloud
+        + np.float32(0.06) * slow * _layer(np.float32(2.6), pixel)
+        + np.float32(0.07) * column
+    )
+    style = hash_unit(owner, 19, 6)
+    if style < np.float32(0.55):
+        # Boards of insulation below the plaster, or formwork.
+        wide, high = np.float32(1.0), np.float32(0.5)
+        if style < np.float32(0.2):
+            wide, high = np.float32(2.7), np.float32(1.35)
+        tint, seam = tiles(s, t, wide, high, np.float32(0.012), _ONE, pixel, 44)
+        value += np.float32(0.014) * tint - np.float32(0.09) * seam
+    value *= _repaired(s, t, owner)
+    dirt = _ZERO
+    if hang < _STREAKED_M:
+        drip = noise(s * np.float32(12), hang * np.float32(0.35), 46)
+        drip = (_HALF + _HALF * drip) * _layer(np.float32(0.1), pixel)
+        drip = max(column + np.float32(0.12), _ZERO) * (np.float32(0.4) + drip)
+        reach = np.float32(1.2) + column
+        dirt = drip * max(_ONE - hang / reach, _ZERO) * min(hang * np.float32(6), _ONE)
+    if foot < np.float32(0.6):
+        splashed = np.float32(0.42) + np.float32(0.2) * cloud + np.float32(0.1) * mottle
+        dirt = max(_ONE - foot / splashed, _ZERO)
+    return (
+        value * (_ONE - np.float32(0.42) * dirt),
+        value * (_ONE - np.float32(0.45) * dirt),
+        value * (_ONE - np.float32(0.5) * dirt),
+    )
+
+
+@device
+def pattern(kind, x, y, z, nx, ny, nz, edges, owner, number, pixel):  # type: ignore[no-untyped-def]
+    """Colour factors (red, green, blue) of a procedural pattern at a place of a surface.
+
+    ``edges``: of a wall, as :func:`carstage_sim.render.panes.wall_edges` gives them.
+    """
     if abs(nz) > np.float32(0.6):
         s, t = x, y
     else:
@@ -282,7 +355,15 @@ def pattern(kind, x, y, z, nx, ny, nz, owner, number, pixel):  # type: ignore[no
             s, t, np.float32(0.25), np.float32(0.083), np.float32(0.012), _ONE, pixel, 5
         )
         value = (_ONE + np.float32(0.22) * tint) * (_ONE - seam)
-        value += np.float32(0.05) * faded(s, t, np.float32(3.0), pixel, 8) * (_ONE - seam)
+        fired, soot, cloud, slow, field = five_noises(
+            s, t, np.float32(0.21), np.float32(0.6), np.float32(1.6), np.float32(4.0),
+            np.float32(11.0), 47,
+        )  # fmt: skip
+        weathered = np.float32(0.08) * fired * _layer(np.float32(0.21), pixel)
+        weathered += np.float32(0.08) * soot * _layer(np.float32(0.6), pixel)
+        weathered += np.float32(0.07) * cloud * _layer(np.float32(1.6), pixel)
+        weathered += np.float32(0.07) * slow + np.float32(0.05) * field
+        value += weathered * (_ONE - seam)
         return (
             value * r + seam * np.float32(1.3),
             value * g + seam * np.float32(2.0),
@@ -308,13 +389,8 @@ def pattern(kind, x, y, z, nx, ny, nz, owner, number, pixel):  # type: ignore[no
         return value, value, value
     if kind == PLASTER:
         r, g, b = _wall_tint(owner)
-        value = (
-            _ONE
-            + np.float32(0.06) * faded(s, t, np.float32(0.12), pixel, 1)
-            + np.float32(0.07) * faded(s * np.float32(2.0), t, np.float32(2.6), pixel, 2)
-            + np.float32(0.11) * faded(s * np.float32(9.0), t, np.float32(3.4), pixel, 4)
-        )
-        return value * r, value * g, value * b
+        red, green, blue = _plaster(s, t, edges, owner, pixel)
+        return red * r, green * g, blue * b
     if kind == BARK:
         value = _ONE + np.float32(0.25) * faded(s * np.float32(4), t, np.float32(0.22), pixel, 1)
         return value, value, value
@@ -323,8 +399,8 @@ def pattern(kind, x, y, z, nx, ny, nz, owner, number, pixel):  # type: ignore[no
     if kind != NONE:
         value = (
             _ONE
-            + np.float32(0.08) * faded(s, t, np.float32(0.06), pixel, 1)
-            + np.float32(0.06) * faded(s, t, np.float32(1.1), pixel, 2)
+            + np.float32(0.16) * faded(s, t, np.float32(0.06), pixel, 1)
+            + np.float32(0.12) * faded(s, t, np.float32(1.1), pixel, 2)
         )
         return value, value, value
     return _ONE, _ONE, _ONE

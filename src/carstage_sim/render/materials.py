@@ -99,7 +99,7 @@ class MaterialAppearance(NamedTuple):
 
 APPEARANCES: dict[Material, MaterialAppearance] = {
     Material.DEFAULT: MaterialAppearance((150, 150, 150)),
-    Material.ASPHALT: MaterialAppearance((86, 85, 84), 0.85, 0.03, Detail.ASPHALT),
+    Material.ASPHALT: MaterialAppearance((88, 86, 84), 0.85, 0.03, Detail.ASPHALT),
     Material.LANE_MARKING_WHITE: MaterialAppearance((222, 222, 216), 0.7, 0.04, Detail.MARKING),
     Material.LANE_MARKING_YELLOW: MaterialAppearance((226, 172, 44), 0.7, 0.04, Detail.MARKING),
     Material.SIDEWALK: MaterialAppearance((158, 154, 147), 0.9, 0.03, Detail.PAVING),
@@ -121,7 +121,7 @@ APPEARANCES: dict[Material, MaterialAppearance] = {
     Material.GLASS: MaterialAppearance((14, 17, 20), 0.03, 0.08, Detail.GLAZING),
     Material.RUBBER: MaterialAppearance((26, 26, 27), 0.9, 0.02),
     Material.RIM: MaterialAppearance((168, 172, 176), 0.3, 0.5),
-    Material.PLASTIC_DARK: MaterialAppearance((30, 30, 32), 0.6, 0.04),
+    Material.PLASTIC_DARK: MaterialAppearance((30, 30, 32), 0.6, 0.04, Detail.GRAIN),
     Material.HEAD_LAMP: MaterialAppearance((206, 212, 218), 0.1, 0.25, glow=Glow.HEAD_LAMP),
     Material.TAIL_LAMP: MaterialAppearance((132, 12, 14), 0.15, 0.04, glow=Glow.TAIL_LAMP),
     Material.BLINKER_LEFT: MaterialAppearance((164, 80, 22), 0.2, 0.04, glow=Glow.BLINKER_LEFT),
@@ -179,8 +179,8 @@ APPEARANCES: dict[Material, MaterialAppearance] = {
     Material.HOUSE_DOOR: MaterialAppearance((84, 60, 44), 0.6, 0.04, Detail.DOOR),
     Material.GUTTER: MaterialAppearance((118, 116, 112), 0.9, 0.03, Detail.GUTTER),
     Material.TACTILE: MaterialAppearance((186, 178, 152), 0.9, 0.03, Detail.TACTILE),
-    Material.TAR: MaterialAppearance((38, 38, 40), 0.85, 0.03, Detail.GRAIN),
-    Material.ASPHALT_NEW: MaterialAppearance((58, 58, 60), 0.85, 0.03, Detail.ASPHALT),
+    Material.TAR: MaterialAppearance((39, 38, 37), 0.85, 0.03, Detail.GRAIN),
+    Material.ASPHALT_NEW: MaterialAppearance((59, 58, 57), 0.85, 0.03, Detail.ASPHALT),
     Material.COVER: MaterialAppearance((64, 60, 56), 0.8, 0.04, Detail.COVER),
     Material.PICTURE: MaterialAppearance((128, 128, 128), 0.9, 0.02, Detail.PICTURE),
 }

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from carstage_sim.kernels import device, inlined
-from carstage_sim.render.detail import DOOR, SHOP, hash_unit
+from carstage_sim.render.detail import DOOR, FAR_M, SHOP, hash_unit
 
 _ZERO: Any = np.float32(0)
 _ONE: Any = np.float32(1)
@@ -21,6 +21,11 @@ _HALF: Any = np.float32(0.5)
 _DECIMETRE: Any = np.float32(0.1)
 _SIZES, _WIDTH_BIT, _HEIGHT_BIT = 127, 4, 512
 """A pane's number of a half is ``half + 4 * width + 512 * height``, sizes in decimetres."""
+PLINTH_DM = 6
+"""Height of plinths of buildings, decimetres."""
+_STRIP_M: Any = np.float32(4.0)
+_BELOW_WINDOW_M: Any = np.float32(1.3)
+"""Strips of wall wider than the first or lower than the second lie below windows or a roof."""
 _STEEPEST: Any = np.float32(0.04)
 """Least part of a direction across the pane with which a ray enters a room."""
 _COARSE_M: Any = np.float32(0.35)
@@ -52,6 +57,28 @@ def size_of(packed):  # type: ignore[no-untyped-def]
     """Width and height of a pane, metres."""
     wide, high = (packed // _WIDTH_BIT) & _SIZES, (packed // _HEIGHT_BIT) & _SIZES
     return np.float32(wide) * _DECIMETRE, np.float32(high) * _DECIMETRE
+
+
+@inlined
+def wall_edges(packed, u, v):  # type: ignore[no-untyped-def]
+    """Metres below the upper edge of a strip of wall, from which rain drips, and above its foot.
+
+    A strip from wall to wall ends at sills or at the roof, one below a window at the sill. A plinth
+    stands on the ground and is as high as nothing else.
+
+    Args:
+        packed: size and half of its rectangle, 0 for a wall of which nothing is known.
+        u, v: weights of the triangle's first and second corner.
+    """
+    if packed == 0:
+        return FAR_M, FAR_M
+    wide, high = size_of(packed)
+    up = _ONE - u if half_of(packed) == 2 else _ONE - u - v
+    if (packed // _HEIGHT_BIT) == PLINTH_DM:
+        return FAR_M, up * high
+    if wide > _STRIP_M or high < _BELOW_WINDOW_M:
+        return (_ONE - up) * high, FAR_M
+    return FAR_M, FAR_M
 
 
 @inlined

@@ -38,6 +38,7 @@ QUICK = "~"
 """A model whose key has this mark is made as quickly as a stored one is read: it is not stored."""
 
 _PANES = (Material.FACADE_WINDOW, Material.SHOP_WINDOW, Material.HOUSE_DOOR)
+_WALLS = (Material.PLASTER, Material.CONCRETE)
 _WIDEST_PANE = 127
 
 _log = logging.getLogger(__name__)
@@ -52,8 +53,8 @@ class Surfaces(NamedTuple):
         tag: ``(T,)`` uint8 values of :class:`carstage_sim.labels.CityObjectLabel`.
         object_id: ``(T,)`` uint32 level object + 1, 0 for none.
         flat: ``(T, 3)`` float32 unit normals of the triangles themselves.
-        pane: ``(T,)`` uint16: 1 and 2 for the two halves of a pane's rectangle, else 0; plus 4
-            times its width and 512 times its height in decimetres, 127 at most.
+        pane: ``(T,)`` uint16: 1 and 2 for the two halves of a pane's rectangle or a wall's, else
+            0; plus 4 times its width and 512 times its height in decimetres, 127 at most.
     """
 
     normals: NDArray[np.float32]
@@ -200,10 +201,20 @@ def _flat_normals(corners: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _panes(mesh: TriangleMesh) -> NDArray[np.uint16]:
-    """Pairs of pane triangles ``(0, 1, 2), (0, 2, 3)`` that follow each other, and their size."""
+    """Pairs of pane triangles ``(0, 1, 2), (0, 2, 3)`` that follow each other, and their size.
+
+    Rectangles of upright walls are told of, too.
+    """
     half = np.zeros(len(mesh.triangles), np.uint16)
     index = mesh.triangles
     glazed = np.isin(mesh.material, _PANES)
+    walls = np.flatnonzero(np.isin(mesh.material, _WALLS))
+    corners = mesh.vertices[index[walls], 2]
+    # The first two corners of an upright rectangle's first half are as high as each other, the last
+    # two of its second half.
+    glazed[walls] = ((corners[:, 0] == corners[:, 1]) | (corners[:, 1] == corners[:, 2])) & (
+        np.ptp(corners, axis=1) > 0
+    )
     candidates = np.flatnonzero(glazed[:-1] & glazed[1:])
     first, second = mesh.vertices[index[candidates]], mesh.vertices[index[candidates + 1]]
     pair = (first[:, 0] == second[:, 0]).all(axis=1) & (first[:, 2] == second[:, 1]).all(axis=1)

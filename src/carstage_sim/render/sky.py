@@ -26,7 +26,8 @@ ROWS, COLUMNS = 192, 1024
 _SUN_IRRADIANCE = 20.0
 _PLANET_M = 6_360_000.0
 _AIR_TOP_M = 60_000.0
-_RAYLEIGH_PER_M = np.array([5.8e-6, 13.5e-6, 33.1e-6])
+_RAYLEIGH_PER_M = np.array([7.2e-6, 13.7e-6, 32.4e-6])
+"""What air scatters of sunlight (5,778 K, CIE 1931) in sRGB's primaries, which are broad bands."""
 _USUAL_RAYLEIGH, _USUAL_MIE = 0.0331, 0.03
 """CARLA's defaults of the two scattering scales: the air as it is on Earth."""
 _OZONE_PER_M = np.array([0.8e-6, 2.3e-6, 0.1e-6])
@@ -38,6 +39,13 @@ _SKY_GAIN = 1.35
 """Single scattering is too dark by about this much."""
 _EXPOSURE, _ADAPTATION = 1.571, 0.52
 """A white wall at noon comes out at 1.7 times the curve's unit, by night at about 0.15."""
+_SKY_SHARE = 0.55
+"""What is seen of the sky from the middle of a street, its houses three quarters of its width high:
+the cosine of ``atan(2 * 0.75)``."""
+_WALL_HUE = np.array([1.08, 1.0, 0.92])
+"""Plaster, brick, concrete and the street between them throw back more red than blue."""
+_LIT_WALLS = 0.6
+"""Share of the sun that reaches walls past the houses opposite."""
 _NIGHT_SKY = np.array([0.0015, 0.0022, 0.0045])
 _LAMPLIT_RAIN = np.array([0.0085, 0.0058, 0.0030])
 """Light of the town's lamps that heavy rain scatters by night."""
@@ -276,8 +284,10 @@ def _lighting(weather: Weather, noise: Array) -> Lighting:
         sun_direction = moon / np.linalg.norm(moon)
         sun = np.array([0.030, 0.036, 0.048]) * (1.0 - 0.8 * cloud)
     ambient = _irradiance(sky)
-    # Light that houses and street throw back fills shadows and takes some of the sky's blue.
-    ambient = 1.25 * (0.65 * ambient + 0.35 * ambient.mean(axis=1, keepdims=True))
+    # Light that houses and street throw back fills shadows: it has the colour of the sunlit walls.
+    walls = _WALL_HUE * (ambient[1] + _LIT_WALLS * sun * np.hypot(*sun_direction[:2]) / np.pi)
+    thrown_back = ambient.mean(axis=1, keepdims=True) * (walls / walls.mean())
+    ambient = 1.25 * (_SKY_SHARE * ambient + (1.0 - _SKY_SHARE) * thrown_back)
     ground = (ambient[0] + sun * max(sun_direction[2], 0.0)) * 0.22
     ambient[1] = ambient[1] * 0.5 + 0.5 * ground
     ambient[2] = ground

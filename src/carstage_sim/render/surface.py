@@ -12,12 +12,13 @@ from carstage_sim.render.detail import (
     ASPHALT,
     LEAVES,
     PICTURE,
+    PLASTER,
     ROOM,
     faded,
     pattern,
 )
 from carstage_sim.render.leaves import leaf_colour
-from carstage_sim.render.panes import half_of, pane_colour, size_of
+from carstage_sim.render.panes import half_of, pane_colour, size_of, wall_edges
 from carstage_sim.render.pictures import picture_colour, picture_colour_of_actor
 
 _ZERO: Any = np.float32(0)
@@ -142,7 +143,7 @@ def surface_material(frame, surfaces, hit, p, n, d, pixel):  # type: ignore[no-u
     rough, f0 = materials.roughness[m], materials.specular[m]
     er, eg, eb = _ZERO, _ZERO, _ZERO
     packed = int(surfaces.pane[number])
-    if packed and kind and hit_actor < 0:
+    if packed and kind and kind != PLASTER and hit_actor < 0:
         half = half_of(packed)
         # Corner weights of the two halves of a quad give a place in its rectangle.
         if half == 1:
@@ -163,7 +164,8 @@ def surface_material(frame, surfaces, hit, p, n, d, pixel):  # type: ignore[no-u
         fr, fg, fb = leaf_colour(materials.cells[m], owner, number, u, v, pixel)
         cr, cg, cb = cr * fr, cg * fg, cb * fb
     elif kind and hit_actor < 0:
-        fr, fg, fb = pattern(kind, p[0], p[1], p[2], n[0], n[1], n[2], owner, number, pixel)
+        edges = wall_edges(packed, u, v)
+        fr, fg, fb = pattern(kind, p[0], p[1], p[2], n[0], n[1], n[2], edges, owner, number, pixel)
         cr, cg, cb = cr * fr, cg * fg, cb * fb
     return kind, cr, cg, cb, rough, f0, er, eg, eb
 

@@ -73,3 +73,37 @@ def test_by_night_the_towns_light_stands_above_the_horizon(light):
     assert sky[0].mean() > 2.0 * sky[-1].mean()
     assert sky[0, 0] > sky[0, 2], "the lamps are warm"
     assert np.all(np.diff(sky[:, 0]) <= 1e-6)
+
+
+def daylight(kelvin):
+    """Linear sRGB of the CIE daylight of a colour temperature (CIE 15, 4,000 to 25,000 K)."""
+    t = 1e3 / kelvin
+    if kelvin <= 7000:
+        x = -4.6070 * t**3 + 2.9678 * t**2 + 0.09911 * t + 0.244063
+    else:
+        x = -2.0064 * t**3 + 1.9018 * t**2 + 0.24748 * t + 0.237040
+    y = -3.0 * x**2 + 2.870 * x - 0.275
+    xyz = np.array([x / y, 1.0, (1.0 - x - y) / y])
+    matrix = [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]]
+    return np.array(matrix) @ xyz
+
+
+@pytest.mark.parametrize("altitude", [20.0, 45.0, 70.0])
+def test_clear_shade_is_as_blue_as_daylight_of_7000_to_10000_kelvin(light, altitude):
+    """Beside sunlight above the air, of 5,800 K, which is white here."""
+    shade = light(sun_altitude_angle=altitude, cloudiness=5.0).ambient[0]
+    least, most = (daylight(kelvin) / daylight(5800.0) for kelvin in (10_000.0, 7_000.0))
+    assert least[0] / least[2] < shade[0] / shade[2] < most[0] / most[2]
+
+
+def test_sun_and_sky_together_are_nearly_white_at_noon(light):
+    noon = light(sun_altitude_angle=45.0, cloudiness=5.0)
+    ground = noon.ambient[0] + noon.sun * noon.sun_direction[2]
+    assert ground / ground.mean() == pytest.approx(np.ones(3), abs=0.07)
+
+
+def test_walls_in_the_sun_warm_the_shade_more_than_a_covered_sky(light):
+    """Less of a clear sky's blue is left in a street than of the sky itself."""
+    clear = light(sun_altitude_angle=45.0, cloudiness=0.0)
+    sky = clear.sky.mean(axis=1)[ROWS // 2 :].mean(axis=0)
+    assert clear.ambient[0, 0] / clear.ambient[0, 2] > 1.15 * sky[0] / sky[2]

@@ -183,6 +183,16 @@ def test_a_line_of_tail_lamps_crosses_the_whole_rear():
         assert seen == Material.TAIL_LAMP
 
 
+def test_a_heavy_lorry_has_boards_on_its_rear():
+    mesh = mesh_of(catalogue()["vehicle.carlamotors.european_hgv"])
+    corners = mesh.vertices[mesh.triangles[mesh.material == Material.SIGN_YELLOW]]
+    behind = corners[..., 0].max(axis=1) < mesh.bounds[0, 0] + 0.05
+    for side in (-1.0, 1.0):
+        board = corners[behind & (corners[..., 1].mean(axis=1) * side > 0.0)].reshape(-1, 3)
+        assert np.ptp(board[:, 1]) > 0.4
+        assert np.ptp(board[:, 2]) > 0.06
+
+
 @pytest.mark.parametrize("name", ["nissan.patrol", "nissan.patrol_2021", "audi.etron"])
 def test_an_suv_is_wide_and_stands_on_bare_plastic(name):
     mesh = mesh_of(catalogue()[f"vehicle.{name}"])

@@ -41,6 +41,7 @@ _PAINTS = ("180,20,20", "20,40,120", "220,220,220", "30,30,30", "120,120,125", "
 _BESIDE_M = 5.5
 _CAMERA_M = 1.6
 _DELTA_S = 0.05
+_SETTLING_TICKS = 10
 
 NO_ACTORS: Callable[[str], TriangleMesh] = dict[str, TriangleMesh]().__getitem__
 """Gives the meshes of a scene without actors."""
@@ -152,6 +153,9 @@ def populate(
         except SpawnError:
             continue
         walking += 1
+    # Spawn points hang above the road: vehicles fall for less than half a second.
+    for _ in range(_SETTLING_TICKS):
+        world.tick(_DELTA_S)
     if (spawned, walking) != (vehicles, walkers):
         raise RuntimeError(f"{town.name} has room for {spawned} vehicles and {walking} walkers")
     return ReferenceScene(world, (x, y, z + _CAMERA_M), (-4.0, yaw, 0.0), sensors)

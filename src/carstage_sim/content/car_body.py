@@ -565,7 +565,7 @@ class CarBody:
         if foot < 0.92:
             sides = [(x, shoulder) for x in np.linspace(foot, 0.955, 7)]
             lid = [(0.955, c) for c in np.linspace(shoulder, self._MIDDLE, 5)]
-            self.ribbon(builder, [*sides, *lid[1:]], dark, wide=0.015, raised=0.008)
+            self.ribbon(builder, [*sides, *lid[1:]], dark, wide=0.015, raised=0.012)
         if s.boot:
             start = s.rear_window[0] - 0.01
             sides = [(x, shoulder) for x in np.linspace(start, -0.985, 5)]

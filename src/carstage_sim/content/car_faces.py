@@ -309,7 +309,7 @@ def _add_tail_lamp(builder: ShapeBuilder, body: CarBody, sign: float, blinker: M
         return
     swept = 0.6 if s.tails is Tails.SWEPT else 0.0
     outline = _lamp_outline(sign, s.tail_lamp, swept)
-    grown = [(u, a - 0.005, b + 0.005) for u, a, b in outline]
+    grown = [(u, a - 0.010, b + 0.010) for u, a, b in outline]
     body.panel(builder, _REAR, grown, Material.PLASTIC_DARK, raised=0.005)
     body.panel(builder, _REAR, outline, tail, raised=0.010)
     if s.tails is Tails.SWEPT:

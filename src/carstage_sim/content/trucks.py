@@ -357,9 +357,8 @@ def _load_box(
 def _add_marking(builder: ShapeBuilder, wide: float, load: _Span, floor: float) -> None:
     """Reflecting tape (UN ECE R104) and amber side lamps (R48) along the lower edge of a load."""
     rear, front = load
-    count = max(int((front - rear) / 0.9), 3)
-    for x in np.linspace(rear + 0.12, front - 0.62, count):
-        _band(builder, (x, x + 0.5), wide + 0.004, (floor + 0.012, floor + 0.062),
+    for x in np.linspace(rear + 0.12, front - 0.92, 3):
+        _band(builder, (x, x + 0.8), wide + 0.004, (floor + 0.012, floor + 0.062),
               Material.SIGN_YELLOW)  # fmt: skip
     for sign, blinker in _BLINKERS:
         y = sorted((sign * (wide - 0.03), sign * (wide + 0.012)))
@@ -385,6 +384,13 @@ def _add_goods(
     )  # fmt: skip
     _band(builder, load, wide + 0.002, (floor + 0.16 * tall, floor + 0.22 * tall), Material.PAINT)
     _add_rear_doors(builder, rear, wide, (floor + 0.03, roof - 0.03), glazed=False)
+    for sign in (-1.0, 1.0):
+        # Boards of heavy vehicles (UN ECE R70): yellow in a red frame.
+        y = sorted((sign * 0.50 * wide, sign * 0.94 * wide))
+        low, high = floor + 0.07, floor + 0.21
+        builder.box((rear - 0.012, y[0], low), (rear, y[1], high), Material.SIGN_RED)
+        builder.box((rear - 0.016, y[0] + 0.04, low + 0.035), (rear, y[1] - 0.04, high - 0.035),
+                    Material.SIGN_YELLOW)  # fmt: skip
 
 
 def _add_drinks(

@@ -183,6 +183,30 @@ def test_a_line_of_tail_lamps_crosses_the_whole_rear():
         assert seen == Material.TAIL_LAMP
 
 
+@pytest.mark.parametrize("name", ["seat.leon", "citroen.c3", "nissan.micra"])
+def test_a_hatchback_falls_to_the_rear_behind_a_wide_pillar(name):
+    mesh = mesh_of(catalogue()[f"vehicle.{name}"])
+    low, high = mesh.bounds.astype(np.float64)
+    behind = mesh.vertices[:, 0] < low[0] + 0.14 * (high[0] - low[0])
+    assert mesh.vertices[behind, 2].max() < 0.95 * high[2]
+    corners = mesh.vertices[mesh.triangles].astype(np.float64)
+    panes = np.isin(mesh.material, (Material.GLASS, Material.GLASS_DARK))
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    aside = np.abs(normal[:, 1]) > 0.8 * np.linalg.norm(normal, axis=1)
+    rear = corners[panes & aside, :, 0].min()
+    assert (rear - low[0]) / (high[0] - low[0]) > 0.15
+
+
+def test_a_heavy_lorry_has_boards_on_its_rear():
+    mesh = mesh_of(catalogue()["vehicle.carlamotors.european_hgv"])
+    corners = mesh.vertices[mesh.triangles[mesh.material == Material.SIGN_YELLOW]]
+    behind = corners[..., 0].max(axis=1) < mesh.bounds[0, 0] + 0.05
+    for side in (-1.0, 1.0):
+        board = corners[behind & (corners[..., 1].mean(axis=1) * side > 0.0)].reshape(-1, 3)
+        assert np.ptp(board[:, 1]) > 0.4
+        assert np.ptp(board[:, 2]) > 0.06
+
+
 @pytest.mark.parametrize("name", ["nissan.patrol", "nissan.patrol_2021", "audi.etron"])
 def test_an_suv_is_wide_and_stands_on_bare_plastic(name):
     mesh = mesh_of(catalogue()[f"vehicle.{name}"])

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.render.bvh import build_tree, refitted_tree
 from carstage_sim.render.cast import NOTHING
-from carstage_sim.render.caster import Hits, Packets, RayCaster, picture_packets, unwritten_hits
+from carstage_sim.render.caster import (
+    WIDE_BAND,
+    Hits,
+    Packets,
+    RayCaster,
+    picture_packets,
+    unwritten_hits,
+)
 from carstage_sim.render.edges import rough_pixels
 from carstage_sim.render.film import Film, develop, develop_even, develop_means, film_codes
 from carstage_sim.render.lending import aimed_again, extra_rays, lent, mixed
@@ -105,7 +113,7 @@ class PictureMaker:
         )  # fmt: skip
         nothing = np.zeros((2, 3), np.float32)
         self._develop(film, nothing, pixels)
-        self._develop_even(film, nothing, marks, pixels)
+        _develop_even(film_codes(film.gamma), nothing, pixels, marks, 0, 2)
         self._develop_means(film, nothing, nothing, np.arange(2, dtype=np.int32), pixels)
         line = np.array([[[2.0, 0.0, 0.0], [2.0, 1.0, 0.0]]])
         draw_shapes(
@@ -160,9 +168,9 @@ class PictureMaker:
         self._develop(picture.film, colours, pixels)
         places = self._sampling.offsets
         rough = rough_pixels(
-            self._caster, frame, self._materials.detail, picture.hits, pixels, self._sampling
-        )
-        self._develop_even(picture.film, colours, rough.marks, pixels)
+            self._caster, frame, self._materials.detail, picture.hits, pixels, self._sampling,
+            partial(_develop_even, film_codes(picture.film.gamma), colours, pixels),
+        )  # fmt: skip
         edges = rough.pixels
         if len(edges):
             # The offset is in pixels: right along the second axis of the camera, down its third.
@@ -199,20 +207,7 @@ class PictureMaker:
     def _develop(self, film: Film, colours: NDArray[np.float32], pixels: NDArray[np.uint8]) -> None:
         codes, flat = film_codes(film.gamma), pixels.reshape(-1, 4)
         self._caster.in_bands(
-            len(colours), lambda first, last: develop(codes, colours, first, last, flat)
-        )
-
-    def _develop_even(
-        self,
-        film: Film,
-        colours: NDArray[np.float32],
-        marks: NDArray[np.uint8],
-        pixels: NDArray[np.uint8],
-    ) -> None:
-        codes, width, flat = film_codes(film.gamma), pixels.shape[1], pixels.reshape(-1, 4)
-        self._caster.in_bands(
-            len(marks),
-            lambda first, last: develop_even(codes, colours, marks, width, first, last, flat),
+            len(colours), lambda first, last: develop(codes, colours, first, last, flat), WIDE_BAND
         )
 
     def _develop_means(
@@ -240,6 +235,18 @@ def _nothing_met() -> tuple[Hits, Packets]:
     hits.triangle.fill(-1)
     hits.weights.fill(0.0)
     return hits, picture_packets(2, 1)
+
+
+def _develop_even(
+    codes: NDArray[np.uint8],
+    colours: NDArray[np.float32],
+    pixels: NDArray[np.uint8],
+    marks: NDArray[np.uint8],
+    first: int,
+    last: int,
+) -> None:
+    """Develop the even pixels of a range."""
+    develop_even(codes, colours, marks, pixels.shape[1], first, last, pixels.reshape(-1, 4))
 
 
 def _draw(shapes: DebugShapes, picture: Picture, codes: NDArray[np.uint8]) -> None:

@@ -130,7 +130,7 @@ class RayCaster:
             for first in begins:  # which the threads share: each takes the next
                 work(first, min(first + band, count))
 
-        self._team.do(share, -(-count // band))
+        self._team.do(share, -(-count // band), joined=True)
 
     def in_packets(self, packets: Packets, work: Callable[[NDArray[np.int64]], None]) -> None:
         """Let threads call ``work(parts)``, which takes groups of rays until none is left.

@@ -20,7 +20,7 @@ from carstage_sim.render.caster import (
 )
 from carstage_sim.render.edges import rough_pixels
 from carstage_sim.render.film import Film, develop, develop_even, develop_means, film_codes
-from carstage_sim.render.lending import aimed_again, extra_rays, lent, mixed
+from carstage_sim.render.lending import aim_again, extra_rays, lent, mixed
 from carstage_sim.render.materials import material_table
 from carstage_sim.render.motion import earlier_places, no_motion
 from carstage_sim.render.normals import smooth_normals
@@ -106,7 +106,10 @@ class PictureMaker:
         marks = rough_pixels(
             self._caster, frame, self._materials.detail, hits, pixels, SAMPLING[Quality.LOW]
         ).marks
-        aimed_again(self._caster, hits, packets.order, np.zeros((1, 3), np.float32), packets)
+        aim_again(
+            hits.directions, packets.order, np.zeros((1, 3), np.float32), np.ones(2, np.bool_),
+            0, 2, colours.copy(),
+        )  # fmt: skip
         mixed(
             self._caster, frame, self._materials.detail, hits, (2, 1), colours, packets.order,
             middle, packets, colours.copy(),
@@ -179,16 +182,22 @@ class PictureMaker:
             offsets = places[:, :1] * right + places[:, 1:] * down
             size = (picture.width, picture.height)
             again = np.empty((len(edges) * len(places), 3), np.float32)
-            packets = extra_rays(rough, len(places))
-            if not self._epic:
+            packets, rays = extra_rays(rough, len(places)), np.empty_like(again)
+
+            def aim(wanted: NDArray[np.bool_], first: int, last: int) -> None:
+                aim_again(picture.hits.directions, edges, offsets, wanted, first, last, rays)
+
+            if self._epic:
+                self._caster.in_bands(len(edges), partial(aim, np.ones(len(rays), np.bool_)))
+            else:
                 packets = mixed(
                     self._caster, frame, self._materials.detail, picture.hits, size, colours,
-                    edges, places, packets, again,
+                    edges, places, packets, again, aim,
                 )  # fmt: skip
             hits = self._caster.cast_together(
                 frame.scene,
                 picture.hits.origin,
-                aimed_again(self._caster, picture.hits, edges, offsets, packets),
+                rays,
                 packets,
                 low=picture.low,
                 high=picture.high,

@@ -315,9 +315,6 @@ class Server:
         def publish(captured: CapturedFrame) -> None:
             self._publish_captured(scene, captured, wait=wait)
 
-        for captured in self._simulation.measure(scene):
-            publish(captured)
-
         def late_turn(sensor: Actor) -> LatePicture | None:
             return self._late.turn(sensor.stream_id, sensor.client)
 
@@ -326,6 +323,9 @@ class Server:
         if drawn is not None:
             self._undrawn.append(drawn)
             drawn.add_done_callback(lambda _: self._rpc.wake())
+        # While the other thread draws, which the next tick waits for.
+        for captured in self._simulation.measure(scene):
+            publish(captured)
 
     def _publish_captured(self, scene: Scene, captured: CapturedFrame, *, wait: bool) -> None:
         """Send a sensor's data; in the simulation's thread or in the one that draws."""

@@ -19,10 +19,15 @@ from carstage_sim.render.sharing import OfEachThread, Team, parts_of
 
 _BAND = 8192
 """Pixels of a band: small enough to balance, large enough to hide the call."""
+WIDE_BAND = 1 << 16
+"""As :data:`_BAND`, where a pixel takes a few nanoseconds: threads come one by one for bands."""
 _RAYS, _PACKETS = 256, 16
 """Rays, and groups of them, that a kernel takes at a time."""
-_PACKETS_OF_A_PIECE = 4
-"""As :data:`_PACKETS`, of work that gives way: others wait for a piece of it."""
+_FEWEST_PACKETS = 4
+"""As :data:`_PACKETS`, of work that gives way (others wait for a piece of it), or of little work
+for many threads."""
+_PARTS_PER_THREAD = 8
+"""Parts of a pass, if there are enough: the last ones are done while other threads wait."""
 _SQUARE = 8
 _PIECES = 16
 """Of a pass that gives way to others in between."""
@@ -125,7 +130,7 @@ class RayCaster:
             for first in begins:  # which the threads share: each takes the next
                 work(first, min(first + band, count))
 
-        self._team.do(share, -(-count // band))
+        self._team.do(share, -(-count // band), joined=True)
 
     def in_packets(self, packets: Packets, work: Callable[[NDArray[np.int64]], None]) -> None:
         """Let threads call ``work(parts)``, which takes groups of rays until none is left.
@@ -134,8 +139,9 @@ class RayCaster:
             packets: the groups.
             work: see :func:`carstage_sim.render.sharing.take`.
         """
-        size = _PACKETS if self._between is None else _PACKETS_OF_A_PIECE
-        self._share(len(packets.starts) - 1, size, work)
+        count = len(packets.starts) - 1
+        even = count // (self.threads * _PARTS_PER_THREAD) if self._between is None else 0
+        self._share(count, max(min(even, _PACKETS), _FEWEST_PACKETS), work)
 
     def _share(self, count: int, size: int, work: Callable[[NDArray[np.int64]], None]) -> None:
         between = self._between

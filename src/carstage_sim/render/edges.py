@@ -7,13 +7,14 @@ it show already: such an **even** pixel becomes the weighted mean of the nine.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.kernels import device, kernel
-from carstage_sim.render.caster import Hits, RayCaster, picture_packets
+from carstage_sim.render.caster import WIDE_BAND, Hits, RayCaster, picture_packets
 from carstage_sim.render.packet_simd import PACKET
 from carstage_sim.render.quality import Sampling
 from carstage_sim.render.scene import Frame
@@ -21,8 +22,8 @@ from carstage_sim.render.simd import lowest_bit
 from carstage_sim.render.surface import is_leaf
 from carstage_sim.render.vector_code import LANES, pixels_apart
 
-_ROWS = 16
-"""Rows of pixels per piece of work."""
+_BAND = WIDE_BAND // 2
+"""Pixels per piece of work, in whole rows."""
 _BENT = np.float32(0.9)
 """Cosine between the normals of two neighbours below which they show different sides."""
 _MOTTLED = 5
@@ -204,6 +205,7 @@ def rough_pixels(
     hits: Hits,
     codes: NDArray[np.uint8],
     sampling: Sampling,
+    found_even: Callable[[NDArray[np.uint8], int, int], None] = lambda marks, first, last: None,
 ) -> Rough:
     """Look for them.
 
@@ -214,27 +216,29 @@ def rough_pixels(
         hits: of the pixel centres, row by row.
         codes: ``(H, W, 4)`` uint8 of the pixel centres.
         sampling: from which differences, and how many rays each gets.
+        found_even: called with all marks and a range of pixels in which the even ones are known.
     """
     height, width = codes.shape[:2]
     marks = np.zeros(height * width, np.uint8)
     met = frame.static, frame.actors
     strong, weak = sampling.strong, sampling.weak
 
-    def mark(first: int, last: int) -> None:
-        _mark(*met, hits.row, hits.triangle, codes, strong, weak, first, last, marks)
-
     leaf = np.empty(height * width if sampling.blend else 0, np.int8)
 
-    def find_leaves(first: int, last: int) -> None:
-        _find_leaves(*met, detail, hits.row, hits.triangle, first, last, leaf)
+    def mark(first: int, last: int) -> None:
+        _mark(*met, hits.row, hits.triangle, codes, strong, weak, first, last, marks)
+        if sampling.blend:
+            pixels = first * width, last * width
+            _find_leaves(*met, detail, hits.row, hits.triangle, *pixels, leaf)
 
     def find_even(first: int, last: int) -> None:
         _find_even(hits.row, hits.triangle, leaf, width, height, first, last, marks)
+        found_even(marks, first * width, last * width)
 
-    caster.in_bands(height, mark, _ROWS)
+    rows = max(_BAND // width, 1)
+    caster.in_bands(height, mark, rows)
     if sampling.blend:
-        caster.in_bands(height * width, find_leaves)
-        caster.in_bands(height, find_even, _ROWS)
+        caster.in_bands(height, find_even, rows)
     packets = picture_packets(width, height)
     pixels = np.empty(height * width, np.int32)
     begins = np.empty(height * width + 1, np.int32)

@@ -8,6 +8,7 @@ few codes. So shadows and reflections along edges are shaded wherever they diffe
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -70,13 +71,25 @@ def _mix(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _aim_again(directions, edges, offsets, rays, first, last, aimed):  # type: ignore[no-untyped-def]
+def aim_again(directions, edges, offsets, wanted, first, last, rays):  # type: ignore[no-untyped-def]
+    """Directions of the extra rays of some rough pixels.
+
+    Args:
+        directions: ``(N, 3)`` float32 through the centres of the picture's pixels.
+        edges: ``(E,)`` int32 numbers of the rough pixels.
+        offsets: ``(K, 3)`` float32 from the direction through a pixel's centre to each other ray.
+        wanted: ``(E * K,)`` which rays are to be traced; the others stay unwritten.
+        first, last: half-open range of ``edges``.
+        rays: ``(E * K, 3)`` float32 receives them.
+    """
     samples = offsets.shape[0]
-    for place in range(first, last):
-        ray = rays[place]
-        pixel, k = edges[ray // samples], ray % samples
-        for axis in range(3):
-            aimed[ray, axis] = directions[pixel, axis] + offsets[k, axis]
+    for e in range(first, last):
+        pixel = edges[e]
+        for k in range(samples):
+            ray = e * samples + k
+            if wanted[ray]:
+                for axis in range(3):
+                    rays[ray, axis] = directions[pixel, axis] + offsets[k, axis]
 
 
 @kernel
@@ -158,6 +171,7 @@ def mixed(
     offsets: NDArray[np.float32],
     packets: Packets,
     out: NDArray[np.float32],
+    found_open: Callable[[NDArray[np.bool_], int, int], None] = lambda open_, first, last: None,
 ) -> Packets:
     """Colour the extra rays amid pixels that show one surface; which are still to be traced.
 
@@ -172,6 +186,8 @@ def mixed(
         offsets: ``(K, 2)`` where, right and down from a pixel's centre, in pixels.
         packets: all extra rays, those that run side by side together.
         out: ``(E * K, 3)`` receives their colours.
+        found_open: called with which rays are still to be traced, and a range of ``edges`` for
+            whose rays that is known.
     """
     open_ = np.empty(len(out), np.bool_)
     towards, shares = _towards(offsets), np.abs(offsets)
@@ -181,34 +197,10 @@ def mixed(
             frame.static, frame.actors, detail, hits.row, hits.triangle, *size, colours, edges,
             towards, shares, first, last, out, open_,
         )  # fmt: skip
+        found_open(open_, first, last)
 
     caster.in_bands(len(edges), work)
     return _packed(open_, packets)
-
-
-def aimed_again(
-    caster: RayCaster,
-    hits: Hits,
-    edges: NDArray[np.int32],
-    offsets: NDArray[np.float32],
-    packets: Packets,
-) -> NDArray[np.float32]:
-    """``(E * K, 3)`` directions of the extra rays in ``packets``; the others are unwritten.
-
-    Args:
-        caster: runs the kernels.
-        hits: of the picture.
-        edges: pixels that the extra rays go through.
-        offsets: ``(K, 3)`` from the direction through a pixel's centre to each of its other rays.
-        packets: the rays that are to be traced.
-    """
-    rays = np.empty((len(edges) * len(offsets), 3), np.float32)
-
-    def work(first: int, last: int) -> None:
-        _aim_again(hits.directions, edges, offsets, packets.order, first, last, rays)
-
-    caster.in_bands(len(packets.order), work)
-    return rays
 
 
 def lent(

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.render.bvh import build_tree, refitted_tree
 from carstage_sim.render.cast import NOTHING
-from carstage_sim.render.caster import Hits, Packets, RayCaster, picture_packets, unwritten_hits
+from carstage_sim.render.caster import (
+    WIDE_BAND,
+    Hits,
+    Packets,
+    RayCaster,
+    picture_packets,
+    unwritten_hits,
+)
 from carstage_sim.render.edges import rough_pixels
 from carstage_sim.render.film import Film, develop, develop_even, develop_means, film_codes
-from carstage_sim.render.lending import aimed_again, extra_rays, lent, mixed
+from carstage_sim.render.lending import aim_again, extra_rays, lent, mixed
 from carstage_sim.render.materials import material_table
 from carstage_sim.render.motion import earlier_places, no_motion
 from carstage_sim.render.normals import smooth_normals
@@ -98,14 +106,17 @@ class PictureMaker:
         marks = rough_pixels(
             self._caster, frame, self._materials.detail, hits, pixels, SAMPLING[Quality.LOW]
         ).marks
-        aimed_again(self._caster, hits, packets.order, np.zeros((1, 3), np.float32), packets)
+        aim_again(
+            hits.directions, packets.order, np.zeros((1, 3), np.float32), np.ones(2, np.bool_),
+            0, 2, colours.copy(),
+        )  # fmt: skip
         mixed(
             self._caster, frame, self._materials.detail, hits, (2, 1), colours, packets.order,
             middle, packets, colours.copy(),
         )  # fmt: skip
         nothing = np.zeros((2, 3), np.float32)
         self._develop(film, nothing, pixels)
-        self._develop_even(film, nothing, marks, pixels)
+        _develop_even(film_codes(film.gamma), nothing, pixels, marks, 0, 2)
         self._develop_means(film, nothing, nothing, np.arange(2, dtype=np.int32), pixels)
         line = np.array([[[2.0, 0.0, 0.0], [2.0, 1.0, 0.0]]])
         draw_shapes(
@@ -160,9 +171,9 @@ class PictureMaker:
         self._develop(picture.film, colours, pixels)
         places = self._sampling.offsets
         rough = rough_pixels(
-            self._caster, frame, self._materials.detail, picture.hits, pixels, self._sampling
-        )
-        self._develop_even(picture.film, colours, rough.marks, pixels)
+            self._caster, frame, self._materials.detail, picture.hits, pixels, self._sampling,
+            partial(_develop_even, film_codes(picture.film.gamma), colours, pixels),
+        )  # fmt: skip
         edges = rough.pixels
         if len(edges):
             # The offset is in pixels: right along the second axis of the camera, down its third.
@@ -171,16 +182,22 @@ class PictureMaker:
             offsets = places[:, :1] * right + places[:, 1:] * down
             size = (picture.width, picture.height)
             again = np.empty((len(edges) * len(places), 3), np.float32)
-            packets = extra_rays(rough, len(places))
-            if not self._epic:
+            packets, rays = extra_rays(rough, len(places)), np.empty_like(again)
+
+            def aim(wanted: NDArray[np.bool_], first: int, last: int) -> None:
+                aim_again(picture.hits.directions, edges, offsets, wanted, first, last, rays)
+
+            if self._epic:
+                self._caster.in_bands(len(edges), partial(aim, np.ones(len(rays), np.bool_)))
+            else:
                 packets = mixed(
                     self._caster, frame, self._materials.detail, picture.hits, size, colours,
-                    edges, places, packets, again,
+                    edges, places, packets, again, aim,
                 )  # fmt: skip
             hits = self._caster.cast_together(
                 frame.scene,
                 picture.hits.origin,
-                aimed_again(self._caster, picture.hits, edges, offsets, packets),
+                rays,
                 packets,
                 low=picture.low,
                 high=picture.high,
@@ -199,20 +216,7 @@ class PictureMaker:
     def _develop(self, film: Film, colours: NDArray[np.float32], pixels: NDArray[np.uint8]) -> None:
         codes, flat = film_codes(film.gamma), pixels.reshape(-1, 4)
         self._caster.in_bands(
-            len(colours), lambda first, last: develop(codes, colours, first, last, flat)
-        )
-
-    def _develop_even(
-        self,
-        film: Film,
-        colours: NDArray[np.float32],
-        marks: NDArray[np.uint8],
-        pixels: NDArray[np.uint8],
-    ) -> None:
-        codes, width, flat = film_codes(film.gamma), pixels.shape[1], pixels.reshape(-1, 4)
-        self._caster.in_bands(
-            len(marks),
-            lambda first, last: develop_even(codes, colours, marks, width, first, last, flat),
+            len(colours), lambda first, last: develop(codes, colours, first, last, flat), WIDE_BAND
         )
 
     def _develop_means(
@@ -240,6 +244,18 @@ def _nothing_met() -> tuple[Hits, Packets]:
     hits.triangle.fill(-1)
     hits.weights.fill(0.0)
     return hits, picture_packets(2, 1)
+
+
+def _develop_even(
+    codes: NDArray[np.uint8],
+    colours: NDArray[np.float32],
+    pixels: NDArray[np.uint8],
+    marks: NDArray[np.uint8],
+    first: int,
+    last: int,
+) -> None:
+    """Develop the even pixels of a range."""
+    develop_even(codes, colours, marks, pixels.shape[1], first, last, pixels.reshape(-1, 4))
 
 
 def _draw(shapes: DebugShapes, picture: Picture, codes: NDArray[np.uint8]) -> None:

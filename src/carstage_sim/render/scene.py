@@ -432,13 +432,9 @@ class SceneStore:
         self._join()
         count = len(placements)
         index = [self._index[p.model] for p in placements]
-        rotation = np.empty((count, 3, 3), np.float32)
-        position = np.empty((count, 3), np.float32)
-        bounds = np.empty((count, 2, 3), np.float32)
-        for row, placement in enumerate(placements):
-            rotation[row] = placement.rotation
-            position[row] = placement.location
-            bounds[row] = self._models[index[row]].bounds
+        rotation = _stacked([p.rotation for p in placements], (3, 3))
+        position = _stacked([p.location for p in placements], (3,))
+        bounds = _stacked([self._models[i].bounds for i in index], (2, 3))
         top = top_tree(rotation, position, bounds)
         colours = np.array([p.colours for p in placements], np.uint8).reshape(count, PAINTS, 3)
         light_state = np.array([p.light_state & 0xFFFFFFFF for p in placements], np.uint32)
@@ -464,6 +460,11 @@ class SceneStore:
             shapes=[self._shapes[i] for i in index],
             lamps=self._lamps._replace(beams=beams),
         )
+
+
+def _stacked(rows: Sequence[NDArray[np.floating]], shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """``(N, *shape)`` float32 of ``N`` arrays, which may be none."""
+    return np.array(rows, np.float32).reshape(len(rows), *shape)
 
 
 def top_tree(

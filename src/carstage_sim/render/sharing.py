@@ -72,18 +72,27 @@ class OfEachThread(Generic[_Made]):
 
 
 class _Job:
-    """Work that some threads do at the same time; it has a gate that opens when all are done."""
+    """Work that some threads do at the same time; it has a gate that opens when it is done.
 
-    def __init__(self, work: Callable[[], None], hands: int) -> None:
+    Who returns from the work found nothing left of it: who comes later need not begin, and nobody
+    waits for him.
+    """
+
+    def __init__(self, work: Callable[[], None]) -> None:
         self._work = work
         self._lock = threading.Lock()
-        self._undone = hands
+        self._working = 0
+        self._nothing_left = False
         self._error: BaseException | None = None
         self._gate = threading.Lock()
         self._gate.acquire()
 
     def do(self) -> None:
-        """Do one thread's share."""
+        """Do one thread's share, if there is anything left."""
+        with self._lock:
+            if self._nothing_left:
+                return
+            self._working += 1
         error = None
         try:
             self._work()
@@ -91,13 +100,14 @@ class _Job:
             error = raised
         with self._lock:
             self._error = self._error or error
-            self._undone -= 1
-            done = not self._undone
+            self._nothing_left = True
+            self._working -= 1
+            done = not self._working
         if done:
             self._gate.release()
 
     def wait(self) -> None:
-        """Wait until all threads have done theirs; raises what the first of them raised."""
+        """Wait until all who began have ended; raises what the first of them raised."""
         self._gate.acquire()
         if self._error is not None:
             raise self._error
@@ -130,20 +140,24 @@ class Team:
             member.join()
         self._members.clear()
 
-    def do(self, work: Callable[[], None], parts: int) -> None:
+    def do(self, work: Callable[[], None], parts: int, *, joined: bool = False) -> None:
         """Let as many threads as there are parts, at most all, call ``work``; returns afterwards.
 
         Args:
             work: takes one part after the other until none is left.
             parts: how many there are.
+            joined: whether the caller takes parts, too. It begins at once, while the threads may be
+                busy with others' work; but then one more thread computes than there should be.
         """
-        hands = min(parts, len(self._members))
-        if hands < 2:
+        hands = min(parts - joined, len(self._members))
+        if hands + joined < 2 or not self._members:
             work()
             return
-        job = _Job(work, hands)
+        job = _Job(work)
         for _ in range(hands):
             self._jobs.put(job)
+        if joined:
+            job.do()
         job.wait()
 
     def _run(self) -> None:

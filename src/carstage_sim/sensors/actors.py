@@ -46,15 +46,9 @@ _BARE_STEEL = (152, 156, 160)
 Colour = tuple[int, int, int]
 
 
-def _colours(state: WorldState, row: int) -> tuple[Colour, ...]:
-    """Paint, clothes, skin and hair of an actor; what no attribute says follows from its id."""
-    red, green, blue = state.colour[row].tolist()
-    walker = bool(state.kind[row] == ActorKind.WALKER)
-    return _colours_of(state.type_id[row], int(state.actor_id[row]), walker, (red, green, blue))
-
-
 @lru_cache(maxsize=4096)
-def _colours_of(type_id: str, actor_id: int, walker: bool, own: Colour) -> tuple[Colour, ...]:
+def _colours(type_id: str, actor_id: int, walker: bool, own: Colour) -> tuple[Colour, ...]:
+    """Paint, clothes, skin and hair of an actor; what no attribute says follows from its id."""
     body = colours_of(type_id, actor_id)
     return (
         own if any(own) else _BARE_STEEL,
@@ -128,31 +122,39 @@ class ActorModels:
         lights = 0
         changes = state.town_changes
         pictures = {} if changes is None else changes.prop_pictures
+        # Whole columns and numbers at once: pictures wait for this, and an enum is slow to ask.
+        vehicle, walker, light = map(
+            int, (ActorKind.VEHICLE, ActorKind.WALKER, ActorKind.TRAFFIC_LIGHT)
+        )
+        actor_ids, light_states = state.actor_id.tolist(), state.light_state.tolist()
+        own_colours = list(map(tuple, state.colour.tolist()))
         for row, kind in enumerate(state.kind.tolist()):
-            if kind == ActorKind.VEHICLE:
+            if kind == vehicle:
                 doors = 0 if state.doors is None else int(state.doors[row])
                 key = f"{state.type_id[row]}#{doors}" if doors else state.type_id[row]
-            elif kind == ActorKind.WALKER:
+            elif kind == walker:
                 key = self._walker_key(state, row)
-            elif kind == ActorKind.TRAFFIC_LIGHT:
+            elif kind == light:
                 if lights >= len(self._light_keys):
                     continue
                 key = self._light_keys[lights]
                 lights += 1
             elif has_shape(state.type_id[row]):
                 key = state.type_id[row]
-                picture = pictures.get(int(state.actor_id[row]))
+                picture = pictures.get(actor_ids[row])
                 key = key if picture is None else f"{key}{PASSING}{picture}"
             else:
                 continue
             found.append(
                 Placement(
-                    actor_id=int(state.actor_id[row]),
+                    actor_id=actor_ids[row],
                     model=key,
                     location=state.location[row],
                     rotation=rotations[row],
-                    colours=_colours(state, row),
-                    light_state=int(state.light_state[row]),
+                    colours=_colours(
+                        state.type_id[row], actor_ids[row], kind == walker, own_colours[row]
+                    ),
+                    light_state=light_states[row],
                 )
             )
         return found

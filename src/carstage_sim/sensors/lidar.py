@@ -95,9 +95,12 @@ def laser_directions(
     elevation_rad: NDArray[np.float64], azimuth_rad: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """``(channels * rays, 3)`` unit directions in the sensor's frame, channel after channel."""
-    up = np.repeat(elevation_rad, len(azimuth_rad))
-    turn = np.tile(azimuth_rad, len(elevation_rad))
-    return np.stack([np.cos(up) * np.cos(turn), np.cos(up) * np.sin(turn), np.sin(up)], axis=-1)
+    level = np.cos(elevation_rad)[:, None]
+    rays = np.empty((len(elevation_rad), len(azimuth_rad), 3))
+    rays[..., 0] = level * np.cos(azimuth_rad)
+    rays[..., 1] = level * np.sin(azimuth_rad)
+    rays[..., 2] = np.sin(elevation_rad)[:, None]
+    return rays.reshape(-1, 3)
 
 
 class Returns(NamedTuple):

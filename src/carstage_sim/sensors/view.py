@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.render.cast import NOTHING, STATIC, Scene
-from carstage_sim.render.caster import Hits, RayCaster, picture_packets
+from carstage_sim.render.caster import WIDE_BAND, Hits, RayCaster, picture_packets
 from carstage_sim.render.film import Film
 from carstage_sim.render.gpu.camera import GpuCameras, Pending, Product, Shot
 from carstage_sim.render.motion import Motions
@@ -38,8 +38,6 @@ NEAR_M = 0.1
 """Nearest distance along the optical axis that a camera sees (CARLA's near plane)."""
 
 _USUAL_FILM = Film()
-_PIXELS = 1 << 16
-"""Pixels of a band: fewer take a thread less time than to be called."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +157,7 @@ class View:
 
     def in_bands(self, count: int, work: Callable[[int, int], None]) -> None:
         """Call ``work(first, last)`` on bands of pixels, in several threads."""
-        self._caster.in_bands(count, work, _PIXELS)
+        self._caster.in_bands(count, work, WIDE_BAND)
 
     @property
     def frame(self) -> Frame:

@@ -92,6 +92,30 @@ def test_several_callers_share_the_threads(caster: RayCaster) -> None:
     assert sums == [sum(range(200))] * 3
 
 
+def test_who_joins_does_not_wait_for_threads_that_are_busy_elsewhere() -> None:
+    team, free = Team(2, "test"), threading.Event()
+    busy = threading.Barrier(3)
+    done: list[int] = []
+    in_time: list[bool] = []
+
+    def occupy() -> None:
+        busy.wait(10.0)
+        in_time.append(free.wait(10.0))
+
+    other = threading.Thread(target=lambda: team.do(occupy, 2))
+    other.start()
+    busy.wait(10.0)
+    left = iter(range(5))
+    team.do(lambda: done.extend(left), 5, joined=True)
+    free.set()
+    other.join()
+    assert in_time == [True, True], "it came back while they were busy"
+    team.do(lambda: done.append(5), 2)  # the threads go on, and begin nothing that is over
+    team.close()
+    assert done[:5] == list(range(5))
+    assert set(done[5:]) == {5}
+
+
 def test_an_error_of_a_thread_is_raised_and_the_threads_work_on(caster: RayCaster) -> None:
     def fail(first: int, last: int) -> None:
         if first == 50:

@@ -75,6 +75,15 @@ def test_lasers_are_even_from_top_to_bottom():
     assert rays[3].tolist() == pytest.approx([0.0, 0.93969262, -0.34202014], abs=1e-7)
 
 
+def test_every_ray_has_the_elevation_of_its_laser_and_the_azimuth_of_its_turn():
+    up, turn = np.radians([10.0, 0.3, -20.0]), np.linspace(-3.0, 3.0, 37)
+    rays = laser_directions(up, turn).reshape(3, 37, 3)
+    for (laser, step), _ in np.ndenumerate(rays[..., 0]):
+        level = np.cos(up[laser])
+        wanted = level * np.cos(turn[step]), level * np.sin(turn[step]), np.sin(up[laser])
+        assert rays[laser, step].tolist() == pytest.approx(wanted, abs=1e-15)
+
+
 def test_points_lie_on_the_surfaces_grouped_by_channel(sensors):
     frame = scan(sensors)
     points = frame.points.astype(np.float64)

@@ -210,6 +210,25 @@ def test_calls_are_answered_while_a_picture_is_drawn_and_the_next_tick_waits_for
     assert {name.partition("_")[0] for name in gate.threads} == {"drawing"}
 
 
+def test_sensors_that_look_at_nothing_are_measured_while_a_picture_is_drawn(
+    rig: Rig, gate: Gate, simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    camera, imu = rig.subscribed(rig.camera), rig.subscribed(rig.imu)
+    measure = simulation.measure
+
+    def measured(scene: Any) -> Any:
+        await_that(lambda: gate.came > 0)
+        return measure(scene)
+
+    monkeypatch.setattr(simulation, "measure", measured)
+    gate.open.clear()
+    frame = rig.client.value("tick_cue")
+    assert frame_of(read_message(imu)) == frame
+    assert gate.done == 0
+    gate.open.set()
+    assert frame_of(read_message(camera)) == frame
+
+
 def test_a_tick_waits_a_second_at_most_while_one_frame_waits_to_be_drawn(
     rig: Rig, gate: Gate
 ) -> None:

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
+from contextlib import suppress
 from functools import lru_cache
 from importlib import import_module
-from typing import Any, Iterable
+from importlib.machinery import PathFinder
+from pathlib import Path
+from typing import Any, Iterable, Optional
+
+_ENDS = (".dist-info", ".egg-info")
 
 
 class InstalledModules:
@@ -37,8 +43,36 @@ class InstalledModules:
 
 def installed_entries(group: str) -> Iterable[Any]:
     """The entry points of a group that installed packages declare, since Python 3.10."""
+    declared = _declared()
+    if declared is not None and b"[%s]" % group.encode() not in declared:
+        return ()
     entries: Iterable[Any] = _entries().select(group=group)
     return entries
+
+
+@lru_cache(maxsize=None)
+def _declared() -> Optional[bytes]:
+    """What all installed packages say of entry points; None: they cannot all be found in folders.
+
+    Most often no package names a group. To learn that from ``importlib.metadata`` takes 40 ms of
+    every process, most of them for loading it; to read the files takes two.
+    """
+    finders = [one for one in sys.meta_path if hasattr(one, "find_distributions")]
+    if finders != [PathFinder]:
+        return None
+    texts = []
+    for place in map(Path, dict.fromkeys(sys.path)):
+        if place.suffix == ".egg" or place.is_file():
+            return None
+        try:
+            with os.scandir(place) as entries:
+                records = [Path(one.path) for one in entries if one.name.lower().endswith(_ENDS)]
+        except OSError:  # there is no such folder, and so no package in it
+            continue
+        for record in records:
+            with suppress(OSError):  # it declares none
+                texts.append((record / "entry_points.txt").read_bytes())
+    return b"\n".join(texts)
 
 
 @lru_cache(maxsize=None)

@@ -79,7 +79,10 @@ def load_libraries(pictures: bool) -> None:
     gc.disable()
     try:
         # Not before this is called: the supervisor needs none of it.
-        importlib.import_module("carstage.conversion.whole_episode")
+        for name in ("whole_episode", "work"):
+            importlib.import_module(f"carstage.conversion.{name}")
+        for name in ("carstage.codecs.points", "carstage.files.streaming"):
+            importlib.import_module(name)
         keep_pandas_lazy()
         from carstage.codecs.images import RgbRunsPng
 

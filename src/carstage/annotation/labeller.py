@@ -147,6 +147,12 @@ class EpisodeLabeller:
         self._labelled: dict[int, ActorFacts | None] = {}
 
     @property
+    def labels_objects(self) -> bool:
+        """Whether any object can be labelled, so that points in boxes are counted."""
+        asked = self._spec.ground_truth
+        return asked.vehicles or asked.pedestrians or len(self._level.extent) > 0
+
+    @property
     def labelled_cameras(self) -> tuple[str, ...]:
         """Ids of the cameras that objects are labelled for, in the order of the spec."""
         return tuple(self._cameras)

@@ -134,8 +134,10 @@ def label_segment(
         if name is not None
         for stream in by_id[name].streams
     }
-    radars = {sensor.id: sensor.kind for sensor in log.spec.sensors_of(DETECTIONS)}
-    clouds_of = [stream for lidar in log.spec.sensors_of(POINTS) for stream in lidar.streams]
+    counted = labeller.labels_objects or around.asked
+    radars = {one.id: one.kind for one in log.spec.sensors_of(DETECTIONS) if counted}
+    lidars = [one for one in log.spec.sensors_of(POINTS) if counted]
+    clouds_of = [stream for lidar in lidars for stream in lidar.streams]
     by_tick = {
         stream: _by_tick(log, stream, segment)
         for stream in dict.fromkeys([*sorted(image_streams), *clouds_of, *radars, *around.swept])
@@ -146,7 +148,7 @@ def label_segment(
         if world.tick not in ticks:
             continue
         images = _camera_images(streams, by_id, by_tick, world.tick)
-        clouds = _clouds(log.spec, by_tick, world.tick)
+        clouds = _clouds(log.spec, lidars, by_tick, world.tick)
         detections = {
             radar: radar_points(radar_detections(kind, record.payload))
             for radar, kind in radars.items()
@@ -294,14 +296,14 @@ def _records(
 
 
 def _clouds(
-    spec: EpisodeSpec, by_tick: Mapping[str, Mapping[int, Record]], tick: int
+    spec: EpisodeSpec,
+    lidars: Sequence[SensorSpec],
+    by_tick: Mapping[str, Mapping[int, Record]],
+    tick: int,
 ) -> dict[str, NDArray[np.float32]]:
     """``(N, 4)`` points of that tick by LiDAR; one that the tick lacks has none."""
-    found = {
-        lidar.id: _frame(lidar, _records(lidar, by_tick, tick), spec)
-        for lidar in spec.sensors_of(POINTS)
-    }
-    kinds = {lidar.id: lidar.kind for lidar in spec.sensors_of(POINTS)}
+    found = {lidar.id: _frame(lidar, _records(lidar, by_tick, tick), spec) for lidar in lidars}
+    kinds = {lidar.id: lidar.kind for lidar in lidars}
     clouds: dict[str, NDArray[np.float32]] = {}
     for name, frame in found.items():
         if frame is not None:

@@ -41,12 +41,13 @@ class Surroundings:
         self._server = str(log.header["server_version"])
         cameras = (LabelledCamera.from_spec(s, {}) for s in log.spec.sensors if s.labelled)
         self._cameras = {camera.mount.sensor_id: camera for camera in cameras if camera.pinhole}
-        lidars = [s for s in log.spec.written_sensors if s.content in CLOUDS and self._asked]
+        lidars = [s for s in log.spec.written_sensors if s.content in CLOUDS and self.asked]
         self._lidars = tuple(sensor.id for sensor in lidars)
         self._tagged = {s.id: s.kind for s in lidars if s.content == TAGGED_POINTS}
 
     @property
-    def _asked(self) -> bool:
+    def asked(self) -> bool:
+        """Whether there is anything to be made of them."""
         return any(one is not None for one in (self._grids, self._voxels, self._exact))
 
     @property
@@ -73,7 +74,7 @@ class Surroundings:
             clouds: points by LiDAR; one that the tick lacks has none.
             sweeps: by stream of :attr:`swept`; None where the tick has none.
         """
-        if not self._asked:
+        if not self.asked:
             return []
         poses = {
             one["sensor_id"]: pose_matrix(one["location"], one["rotation_deg"])

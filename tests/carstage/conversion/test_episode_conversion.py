@@ -29,7 +29,8 @@ from analytic_dataset import convert
 from carstage.annotation.schema import EGO_COLUMNS
 from carstage.conversion import EpisodeConversion, conversion_pool
 from carstage.conversion.documents import ledger_table
-from carstage.conversion.segment import rows_to_table
+from carstage.conversion.encoded import parts_folder
+from carstage.conversion.segment import label_segment, read_label_part, rows_to_table
 from carstage.conversion.sensors import plan_sensors
 from carstage.dataset.tables import read_table
 from carstage.errors import BadInputError, ConversionError, RawLogError
@@ -213,6 +214,27 @@ def test_only_frames_that_are_saved_become_files(tmp_path: Path) -> None:
         ks = read_table(tmp_path / f"out/{table}.parquet")["k"].to_pylist()
         assert set(ks) == {0, 1, 2}
         assert ks == sorted(ks)
+
+
+@pytest.mark.parametrize("asked", [True, False])
+def test_points_are_read_for_labels_only_where_there_are_objects(
+    asked: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    header = analytic_scene.write_raw_log(tmp_path / "raw")
+    header["spec"]["ground_truth"].update(vehicles=asked, pedestrians=False)
+    (tmp_path / "raw" / "episode.json").write_text(json.dumps(header))
+    whole, read = EpisodeLog.read_segment, set()
+
+    def noted(log: EpisodeLog, stream: str, index: int) -> Any:
+        read.add(stream)
+        return whole(log, stream, index)
+
+    monkeypatch.setattr(EpisodeLog, "read_segment", noted)
+    monkeypatch.setattr(EpisodeLog, "level_objects", lambda _log, up_to_segment: [])
+    label_segment(tmp_path / "raw", FolderFiles(tmp_path / "out"), 0)
+    assert ("LIDAR_TOP" in read) is asked
+    rows = read_label_part(parts_folder(tmp_path / "raw", None), "objects.parquet", 0).num_rows
+    assert (rows > 0) is asked
 
 
 def test_what_an_earlier_conversion_left_behind_is_removed(raw: Path, tmp_path: Path) -> None:

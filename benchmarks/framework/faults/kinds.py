@@ -167,7 +167,7 @@ class KillConverter(Fault):
 
     def strike(self, run: RunCommand) -> bool:
         """See ``Fault``."""
-        return _kill(run, "spawn_main", signal.SIGKILL, self._rng)
+        return _kill(run, "carstage.conversion", signal.SIGKILL, self._rng)
 
 
 @_fault("kill_server")

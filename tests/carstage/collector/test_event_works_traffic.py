@@ -20,7 +20,6 @@ class Ego:
     """A car on the x axis."""
 
     id = 1
-    is_alive = True
     bounding_box = carla.BoundingBox(carla.Location(), carla.Vector3D(HALF_M, 1.0, 0.7))
 
     def __init__(self, speed_m_s: float) -> None:
@@ -82,3 +81,23 @@ def test_who_waits_for_works_is_asked_for_some_speed_until_it_stands(speed_m_s: 
         ego.x_m += ego.speed_m_s * STEP_S
     assert world.asked_m_s == ego.speed_m_s == 0.0
     assert ego.x_m + HALF_M == pytest.approx(FIRST_M - BEFORE_M, abs=1.5)
+
+
+def test_who_is_gone_when_works_end_is_told_nothing_more() -> None:
+    """Of who is gone, ``is_alive`` may say anything; the world around the ego knows."""
+    ego = Ego(8.0)
+    world: Any = World(ego)
+    told: list[float] = []
+    world.shift = lambda vehicle, right_m: told.append(right_m)
+    works = Works(FIRST_M, FIRST_M + 18.0, -0.5, 5.0)
+    traffic = WorksTraffic(world, stretch(), works)
+    ego.x_m = FIRST_M - BEFORE_M
+    traffic.step()
+    assert world.asked_m_s == 5.0
+    world.is_gone = lambda vehicle: True
+    traffic.release()
+    assert world.asked_m_s == 5.0
+    world.is_gone = lambda vehicle: False
+    traffic.release()
+    assert world.asked_m_s is None
+    assert told[-1] == 0.0

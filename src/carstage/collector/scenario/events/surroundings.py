@@ -9,6 +9,7 @@ from typing import Any, Dict, Iterable, List, NamedTuple, Optional, Sequence, Tu
 import carla
 
 from carstage.collector.actors import dress
+from carstage.collector.client import is_known_gone
 from carstage.collector.internals.lamps import planned_lights
 from carstage.collector.scenario.base import Population
 from carstage.collector.scenario.events.signals import HeldSignals
@@ -61,35 +62,31 @@ class Seen(NamedTuple):
 
 
 def look_at(actor: Any) -> Seen:
-    """What the client knows of an actor.
+    """What the client knows of an actor that is there."""
+    return _seen(actor, actor)
 
-    Raises:
-        RuntimeError: it has been destroyed.
+
+def seen(world: Any, actors: Iterable[Any]) -> List[Seen]:
+    """Those of some actors that the last frame shows, as it shows them.
+
+    The Traffic Manager, or a world that runs on its own, may destroy one at any time. Who has just
+    been spawned is shown by the next frame only.
+
+    Args:
+        world: ``carla.World``.
+        actors: in any order, which is kept.
     """
-    transform, velocity = actor.get_transform(), actor.get_velocity()
-    return Seen(actor, transform, math.hypot(velocity.x, velocity.y))
-
-
-def seen(actors: Iterable[Any]) -> List[Seen]:
-    """Those of some actors that are there.
-
-    Whether one is there shows as it is read: the Traffic Manager, or a world that runs on its own,
-    may destroy it between two questions.
-
-    Raises:
-        RuntimeError: one is there and cannot be read.
-    """
-    there = []
+    snapshot, there = world.get_snapshot(), []
     for actor in actors:
-        try:
-            one = look_at(actor)
-        except RuntimeError:
-            if actor.is_alive:
-                raise
-            continue
-        if actor.is_alive:
-            there.append(one)
+        state = snapshot.find(actor.id)
+        if state is not None:
+            there.append(_seen(actor, state))
     return there
+
+
+def _seen(actor: Any, state: Any) -> Seen:
+    velocity = state.get_velocity()
+    return Seen(actor, state.get_transform(), math.hypot(velocity.x, velocity.y))
 
 
 def _first_taken(
@@ -142,7 +139,7 @@ class Surroundings:
     @property
     def _vehicles(self) -> List[Seen]:
         """All but the ego that are there: the Traffic Manager destroys who stands too long."""
-        return seen(self._all_vehicles)
+        return seen(self._session.world, self._all_vehicles)
 
     @property
     def ego_speed_m_s(self) -> float:
@@ -162,10 +159,14 @@ class Surroundings:
         x, y = place.x - transform.location.x, place.y - transform.location.y
         return x * math.cos(yaw) + y * math.sin(yaw), y * math.cos(yaw) - x * math.sin(yaw)
 
+    def is_gone(self, actor: Any) -> bool:
+        """Whether the last frame shows that an actor is no longer there."""
+        return is_known_gone(self._session.world, actor)
+
     def is_far(self, actors: Sequence[Any], distance_m: float) -> bool:
         """Whether all of them that are there are farther from the ego than that."""
         here = self.ego.get_location()
-        places = [one.transform.location for one in seen(actors)]
+        places = [one.transform.location for one in seen(self._session.world, actors)]
         return all(place.distance(here) > distance_m for place in places)
 
     @property

@@ -92,7 +92,7 @@ class WorksTraffic:
     def release(self) -> None:
         """Everybody drives as before."""
         for vehicle in self._vehicles.values():
-            if vehicle.is_alive:
+            if not self._world.is_gone(vehicle):
                 self._world.shift(vehicle, 0.0)
                 self._world.limit_speed(vehicle, None)
 

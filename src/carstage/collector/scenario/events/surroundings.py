@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import random
-from typing import Any, Dict, Iterable, List, NamedTuple, Optional, Sequence, Tuple
+from types import MappingProxyType
+from typing import Any, Dict, Iterable, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import carla
 
 from carstage.collector.actors import dress
 from carstage.collector.client import is_known_gone
+from carstage.collector.comfort import ComfortableDriving
 from carstage.collector.internals.lamps import planned_lights
 from carstage.collector.scenario.base import Population
 from carstage.collector.scenario.events.signals import HeldSignals
@@ -109,6 +111,7 @@ class Surroundings:
         population: who was spawned.
         traffic_manager_port: where the client's Traffic Manager listens.
         rng: of the events.
+        gently: who drives with comfort, by actor id.
     """
 
     def __init__(
@@ -118,12 +121,14 @@ class Surroundings:
         population: Population,
         traffic_manager_port: int,
         rng: random.Random,
+        gently: Mapping[int, ComfortableDriving] = MappingProxyType({}),
     ) -> None:
         self._session = session
         self._spec = spec
         self._port = traffic_manager_port
         self._all_vehicles = list(population.vehicles)
         self._lights: Dict[int, int] = {}
+        self._gently = gently
         driven = driven_by_traffic(spec, population)
         values = personalities(spec, driven, population.ego)
         self._slower = {
@@ -369,9 +374,25 @@ class Surroundings:
         """Have a vehicle drive so far to the right of the middle of its lane."""
         manager = self._session.client.get_trafficmanager(self._port)
         manager.vehicle_lane_offset(vehicle, right_m)
+        if self.is_gentle(vehicle):
+            self._gently[vehicle.id].keep_aside(right_m)
 
-    def limit_speed(self, vehicle: Any, speed_m_s: Optional[float]) -> None:
-        """Have a vehicle drive at a speed; None: as it is planned to."""
+    def is_gentle(self, vehicle: Any) -> bool:
+        """Whether a vehicle drives with comfort: its speed is told anew ahead of each step."""
+        return vehicle.id in self._gently
+
+    def limit_speed(self, vehicle: Any, speed_m_s: Optional[float], within_m: float = 0.0) -> None:
+        """Have a vehicle drive at a speed.
+
+        Args:
+            vehicle: that the Traffic Manager drives.
+            speed_m_s: None: as it is planned to.
+            within_m: from so far ahead of its front on, if it drives with comfort; others do so
+                at once.
+        """
+        if self.is_gentle(vehicle):
+            self._gently[vehicle.id].ask(speed_m_s, within_m)
+            return
         manager = self._session.client.get_trafficmanager(self._port)
         if speed_m_s is None:
             manager.vehicle_percentage_speed_difference(vehicle, self._slower.get(vehicle.id, 0.0))

@@ -86,7 +86,10 @@ def test_events_happen_as_asked_and_other_wishes_are_contradicted(
 
 @pytest.mark.end_to_end
 @pytest.mark.xdist_group("bench")
-@pytest.mark.parametrize(("kind", "start", "seconds"), [("works_zone", 25, 30.0)])
+@pytest.mark.parametrize(
+    ("kind", "start", "seconds"),
+    [("works_zone", 25, 30.0), ("oncoming_overtaker", 25, 12.0)],
+)
 def test_events_happen_as_asked_to_an_ego_that_drives_gently(
     endpoint: Endpoint, tmp_path: Path, kind: str, start: int, seconds: float
 ) -> None:

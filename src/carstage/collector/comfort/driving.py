@@ -43,8 +43,8 @@ _STARTS_M_S2 = 0.3
 """Who is held is let go for such a wish."""
 USUAL_DISTANCE_M = 2.0
 """CARLA's default of what the Traffic Manager keeps to who stands ahead."""
-_AT_PLACE_M, _AT_REST_M_S = 0.5, 0.3
-"""So near to where it is to stand, and so slow, it is asked for no speed at all."""
+_AT_PLACE_M = 1.5
+"""So near to where it is to stand, and as slow as who is held, it is asked for no speed at all."""
 _DIGITS = 4
 """Of the percentage that is told: the last bits of what follows from the map may differ."""
 
@@ -254,7 +254,7 @@ class ComfortableDriving:
 
     def _stands_as_asked(self, speed_m_s: float) -> bool:
         """Whether it is to stand here. Of no speed the Traffic Manager makes no pedals at all."""
-        arrives = self._asked_within_m < _AT_PLACE_M and speed_m_s < _AT_REST_M_S
+        arrives = self._asked_within_m < _AT_PLACE_M and speed_m_s < HELD_M_S
         return self._asked_m_s == 0.0 and arrives
 
     def _hold(self, wish_m_s2: float, speed_m_s: float) -> None:

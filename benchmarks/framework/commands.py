@@ -411,6 +411,7 @@ def events(
     ] = None,
     seeds: Annotated[int, typer.Option(min=1, help="Episodes of each kind in each town.")] = 20,
     seconds: Annotated[float, typer.Option(min=5.0, help="Simulated, of each episode.")] = 120.0,
+    comfort: Annotated[bool, typer.Option("--comfort", help="The ego drives gently.")] = False,
     json: Json = False,
 ) -> int:
     """Whether built-in events happen as they were asked for, by the world's record."""
@@ -427,6 +428,7 @@ def events(
             towns=tuple(town or ()),
             seeds=seeds,
             seconds=seconds,
+            comfort=comfort,
             progress=progress,
         )
     return report(campaign, json)

@@ -123,6 +123,7 @@ def measure_events(
     towns: Sequence[str] = (),
     seeds: int = 20,
     seconds: float = 120.0,
+    comfort: bool = False,
     progress: Progress = lambda *_: None,
 ) -> Campaign:
     """A verdict for each kind and town.
@@ -132,6 +133,7 @@ def measure_events(
         towns: for all kinds; none: two for each.
         seeds: episodes of each kind in each town.
         seconds: simulated, of each episode.
+        comfort: whether the ego drives gently; else as the Traffic Manager does by itself.
         progress: called with how many episodes are done, of how many.
 
     Raises:
@@ -148,7 +150,7 @@ def measure_events(
         for number, (kind, town) in enumerate(pairs):
             outcomes: list[Outcome] = []
             starts = run_trial(starts_for, server.endpoint.port, kind, town, timeout_s=_LOOK_S)
-            specs = planned(kind, town, seeds, seconds, starts)
+            specs = planned(kind, town, seeds, seconds, starts, comfort=comfort)
             for log in recorded(specs, server.endpoint, Path(folder) / f"{kind}-{town}"):
                 outcomes.append(judged(log))
                 progress(number * seeds + len(outcomes), total)
@@ -200,7 +202,13 @@ def road_before(place: Any, longest_m: int) -> list[Any]:
 
 
 def planned(
-    kind: str, town: str, seeds: int, seconds: float, starts: Sequence[int]
+    kind: str,
+    town: str,
+    seeds: int,
+    seconds: float,
+    starts: Sequence[int],
+    *,
+    comfort: bool = False,
 ) -> list[EpisodeSpec]:
     """One episode for each seed, with parameters and the ego's start drawn for each."""
     document = {
@@ -212,7 +220,10 @@ def planned(
         "pedestrians": {"count": 10},
         "labels": {"cameras": []},
         "rig": {"sensors": [{"id": "GNSS", "kind": "gnss"}]},
-        "ego": {"spawn": {"choice": list(starts)[:_MOST_STARTS]}},
+        "ego": {
+            "spawn": {"choice": list(starts)[:_MOST_STARTS]},
+            "driver": {"kind": "autopilot", "comfort": comfort},
+        },
         "scenario": {"kind": "autopilot", "events": [{"kind": kind, **PARAMETERS[kind]}]},
     }
     config = check_config(document)

@@ -82,3 +82,19 @@ def test_events_happen_as_asked_and_other_wishes_are_contradicted(
     refused = verdict_on(kind, "Stage01", [absent, outcome])
     assert not refused.ok
     assert "not placed: rain" in refused.notes
+
+
+@pytest.mark.end_to_end
+@pytest.mark.xdist_group("bench")
+@pytest.mark.parametrize(
+    ("kind", "start", "seconds"),
+    [("works_zone", 25, 30.0), ("oncoming_overtaker", 25, 12.0)],
+)
+def test_events_happen_as_asked_to_an_ego_that_drives_gently(
+    endpoint: Endpoint, tmp_path: Path, kind: str, start: int, seconds: float
+) -> None:
+    specs = planned(kind, "Stage01", 1, seconds, [start], comfort=True)
+    assert specs[0].ego.comfort is not None
+    (log,) = recorded(specs, endpoint, tmp_path / "logs")
+    verdict = verdict_on(kind, "Stage01", [judged(log)])
+    assert verdict.ok, verdict.text()

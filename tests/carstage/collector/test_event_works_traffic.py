@@ -20,7 +20,6 @@ class Ego:
     """A car on the x axis."""
 
     id = 1
-    is_alive = True
     bounding_box = carla.BoundingBox(carla.Location(), carla.Vector3D(HALF_M, 1.0, 0.7))
 
     def __init__(self, speed_m_s: float) -> None:
@@ -41,7 +40,9 @@ class World:
 
     def __init__(self, ego: Ego) -> None:
         self.ego = ego
+        self.gentle = False
         self.asked_m_s: float | None = None
+        self.within_m = 0.0
 
     def others(self) -> list[Any]:
         return []
@@ -52,8 +53,11 @@ class World:
     def shift(self, vehicle: Any, right_m: float) -> None:
         raise AssertionError("it has to wait")
 
-    def limit_speed(self, vehicle: Any, speed_m_s: float | None) -> None:
-        self.asked_m_s = speed_m_s
+    def is_gentle(self, vehicle: Any) -> bool:
+        return self.gentle
+
+    def limit_speed(self, vehicle: Any, speed_m_s: float | None, within_m: float = 0.0) -> None:
+        self.asked_m_s, self.within_m = speed_m_s, within_m
 
 
 def stretch() -> Any:
@@ -82,3 +86,41 @@ def test_who_waits_for_works_is_asked_for_some_speed_until_it_stands(speed_m_s: 
         ego.x_m += ego.speed_m_s * STEP_S
     assert world.asked_m_s == ego.speed_m_s == 0.0
     assert ego.x_m + HALF_M == pytest.approx(FIRST_M - BEFORE_M, abs=1.5)
+
+
+def test_who_is_gone_when_works_end_is_told_nothing_more() -> None:
+    """Of who is gone, ``is_alive`` may say anything; the world around the ego knows."""
+    ego = Ego(8.0)
+    world: Any = World(ego)
+    told: list[float] = []
+    world.shift = lambda vehicle, right_m: told.append(right_m)
+    works = Works(FIRST_M, FIRST_M + 18.0, -0.5, 5.0)
+    traffic = WorksTraffic(world, stretch(), works)
+    ego.x_m = FIRST_M - BEFORE_M
+    traffic.step()
+    assert world.asked_m_s == 5.0
+    world.is_gone = lambda vehicle: True
+    traffic.release()
+    assert world.asked_m_s == 5.0
+    world.is_gone = lambda vehicle: False
+    traffic.release()
+    assert world.asked_m_s is None
+    assert told[-1] == 0.0
+
+
+def test_who_drives_with_comfort_is_told_early_where_to_be_slow_and_where_to_stand() -> None:
+    ego = Ego(10.0)
+    world: Any = World(ego)
+    world.gentle = True
+    works = Works(FIRST_M, FIRST_M + 18.0, -3.5, 5.0, True, [(0.0, 3.5)] * 110, True)
+    traffic = WorksTraffic(world, stretch(), works)
+    traffic.step()
+    assert world.asked_m_s == 5.0
+    assert world.within_m == pytest.approx(FIRST_M - BEFORE_M - HALF_M)
+    ego.x_m = 25.0
+    traffic.step()
+    assert world.asked_m_s == 0.0
+    assert world.within_m == pytest.approx(FIRST_M - BEFORE_M - HALF_M - 25.0)
+    ego.x_m = 120.0
+    traffic.step()
+    assert world.asked_m_s is None

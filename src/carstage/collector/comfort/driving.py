@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from math import sqrt
-from typing import Any, List, NamedTuple, Sequence, Tuple
+from math import isnan, sqrt
+from typing import Any, List, NamedTuple, Optional, Sequence, Tuple
 
 import carla
 
@@ -43,6 +43,8 @@ _STARTS_M_S2 = 0.3
 """Who is held is let go for such a wish."""
 USUAL_DISTANCE_M = 2.0
 """CARLA's default of what the Traffic Manager keeps to who stands ahead."""
+_AT_PLACE_M = 1.5
+"""So near to where it is to stand, and as slow as who is held, it is asked for no speed at all."""
 _DIGITS = 4
 """Of the percentage that is told: the last bits of what follows from the map may differ."""
 
@@ -102,6 +104,22 @@ class ComfortableDriving:
         self._gap_m = 0.0
         self._holds = False
         self._distance_m = distance_m
+        self._asked_m_s: Optional[float] = None
+        self._asked_within_m = 0.0
+        self._right_m = 0.0
+
+    def ask(self, speed_m_s: Optional[float], within_m: float = 0.0) -> None:
+        """Have it drive at most that fast from a place ahead on, until something else is asked.
+
+        Args:
+            speed_m_s: 0: it stands there; None: as fast as it likes.
+            within_m: how far the place is ahead of its front.
+        """
+        self._asked_m_s, self._asked_within_m = speed_m_s, within_m
+
+    def keep_aside(self, right_m: float) -> None:
+        """Know that the Traffic Manager drives it so far to the right of its lane's middle."""
+        self._right_m = right_m
 
     def before_step(self) -> None:
         """Tell it, ahead of a step; nothing where the vehicle is not there, or has no limit."""
@@ -110,7 +128,8 @@ class ComfortableDriving:
         limit_kmh = self._vehicle.get_speed_limit()
         if state is None or limit_kmh <= 0.0:
             return
-        here, velocity = state.get_transform().location, state.get_velocity()
+        velocity = state.get_velocity()
+        here = self._in_lane(state.get_transform().location)
         looks = self._steps % self._look_every == 0
         self._steps += 1
         speed_m_s = sqrt(velocity.x * velocity.x + velocity.y * velocity.y)
@@ -126,19 +145,35 @@ class ComfortableDriving:
             self._wish_by_road(speed_m_s),
             self._wish_by_signs(speed_m_s, signs),
             self._wish_by_others(snapshot, here, speed_m_s),
+            self._wish_as_asked(speed_m_s),
         )
-        control = self._vehicle.get_control()
         signs = [sign for sign in signs if sign.distance_m > _SIGN_BEFORE_M]
-        pedal = control.throttle - control.brake
-        desired_m_s = self._pedals.desired_m_s(speed_m_s, wish_m_s2, pedal, signs)
+        desired_m_s = self._pedals.desired_m_s(speed_m_s, wish_m_s2, self._pedal(), signs)
+        if self._stands_as_asked(speed_m_s):
+            desired_m_s = 0.0
         percent = 100.0 * (1.0 - desired_m_s * KMH_PER_M_S / limit_kmh)
         self._streets.manager.vehicle_percentage_speed_difference(
             self._vehicle, round(percent, _DIGITS)
         )
 
+    def _pedal(self) -> float:
+        """Throttle (above 0) or brake (below) of the last step; asked to stand, it has neither."""
+        control = self._vehicle.get_control()
+        pedal = float(control.throttle - control.brake)
+        return 0.0 if isnan(pedal) else pedal
+
+    def _in_lane(self, there: Any) -> Any:
+        """A ``carla.Location`` as it were if the vehicle drove in the middle of its lane."""
+        if self._right_m == 0.0 or not self._road.places:
+            return there
+        along_x, along_y = self._road.along(self._road.at)
+        x, y = there.x + self._right_m * along_y, there.y - self._right_m * along_x
+        return carla.Location(x, y, there.z)
+
     def _follow(self, here: Any, looks: bool) -> None:
         """Know the road ahead."""
-        anew = not self._road.follow(here.x, here.y)
+        anew = not self._road.follow(here.x, here.y) and self._right_m == 0.0
+        anew = anew or not self._road.places
         if anew:
             self._road.begin(here)
         if anew or (looks and self._road.forks):
@@ -191,7 +226,7 @@ class ComfortableDriving:
             state = snapshot.find(user.id)
             if state is None:
                 continue
-            there = state.get_transform().location
+            there = self._in_lane(state.get_transform().location)
             dx, dy = there.x - here.x, there.y - here.y
             far_m = sqrt(dx * dx + dy * dy)
             if far_m > matters_m or dx * ahead_x + dy * ahead_y < 0.0:
@@ -208,6 +243,19 @@ class ComfortableDriving:
                 wish, self._gap_m = following, gap_m
         self._hold(wish, speed_m_s)
         return wish
+
+    def _wish_as_asked(self, speed_m_s: float) -> float:
+        """What :meth:`ask` was told; the step that comes is not in that yet."""
+        if self._asked_m_s is None:
+            return self._comfort.acceleration_m_s2
+        self._asked_within_m -= speed_m_s * self._streets.step_s
+        there_m_s, before_m = self._asked_m_s, max(self._asked_within_m, 0.0)
+        return to_be_slower(self._comfort, speed_m_s, there_m_s, before_m)
+
+    def _stands_as_asked(self, speed_m_s: float) -> bool:
+        """Whether it is to stand here. Of no speed the Traffic Manager makes no pedals at all."""
+        arrives = self._asked_within_m < _AT_PLACE_M and speed_m_s < HELD_M_S
+        return self._asked_m_s == 0.0 and arrives
 
     def _hold(self, wish_m_s2: float, speed_m_s: float) -> None:
         """Have the Traffic Manager hold who stands behind another, and let it go again."""

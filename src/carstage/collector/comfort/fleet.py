@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, List, Mapping, Sequence, Tuple
+from typing import Any, Dict, Mapping, Sequence, Tuple
 
 from carstage.collector.comfort.driving import USUAL_DISTANCE_M, ComfortableDriving, Streets
 from carstage.collector.comfort.road import StopLines
@@ -18,8 +18,8 @@ def comfortable(
     session: WorldSession,
     step_s: float,
     planned: Sequence[Tuple[Any, ComfortSpec, Mapping[str, float]]],
-) -> List[ComfortableDriving]:
-    """Their driving, each to be asked ahead of each step.
+) -> Dict[int, ComfortableDriving]:
+    """Their driving by actor id, each to be asked ahead of each step.
 
     Args:
         manager: ``carla.TrafficManager``.
@@ -30,7 +30,7 @@ def comfortable(
     """
     careful = [one for one in planned if not any(one[2].get(name, 0.0) for name in _CARELESS)]
     if not careful:
-        return []
+        return {}
     streets = Streets(
         manager,
         session.world,
@@ -39,8 +39,8 @@ def comfortable(
         RoadUsers(session.world),
         step_s,
     )
-    return [
-        ComfortableDriving(
+    return {
+        int(vehicle.id): ComfortableDriving(
             streets,
             vehicle,
             comfort,
@@ -48,4 +48,4 @@ def comfortable(
             values.get("distance_m", USUAL_DISTANCE_M),
         )
         for vehicle, comfort, values in careful
-    ]
+    }

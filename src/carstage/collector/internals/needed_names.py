@@ -8,7 +8,7 @@ NEEDED: Dict[str, Tuple[str, ...]] = {
     "ActorBlueprint": ("get_attribute", "has_attribute", "id", "set_attribute"),
     "Actor": (
         *("attributes", "bounding_box", "destroy", "get_acceleration", "get_angular_velocity"),
-        *("get_transform", "get_velocity", "id", "is_alive", "parent", "semantic_tags"),
+        *("get_transform", "get_velocity", "id", "parent", "semantic_tags"),
         *("set_simulate_physics", "type_id"),
     ),
     "ActorList": ("filter", "find"),

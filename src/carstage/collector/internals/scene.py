@@ -228,7 +228,9 @@ def build_scene(
             carrier = parties[number].actor
             flight = DroneFlight(session, agent.drone, carrier, population.ego, spec.step_s)
             parties[number] = parties[number]._replace(flight=flight)
-    event_runner = EventRunner(session, spec, population, server.traffic_manager_port)
+    event_runner = EventRunner(
+        session, spec, population, server.traffic_manager_port, scenario.driven_gently()
+    )
     rules = PedestrianRules(session, walkers, spec.step_s)
     groups = WalkingGroups(session, walkers, spec.step_s, rules)
     patches = place_patches(session, spec, population, carriers)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, List, Optional, Union
+from typing import Any, Dict, List, Mapping, Optional, Union
 
 import carla
 
@@ -65,7 +65,7 @@ class Autopilot(Scenario):
         super().__init__(client, session, spec, server, program)
         self._driver = TrafficDriver(client, session, spec, server.traffic_manager_port)
         self._lit: List[Any] = []
-        self._comfortable: List[ComfortableDriving] = []
+        self._comfortable: Dict[int, ComfortableDriving] = {}
 
     def prepare(self) -> None:
         """Start the Traffic Manager."""
@@ -84,20 +84,21 @@ class Autopilot(Scenario):
         spec, driven = self._spec, driven_by_traffic(self._spec, population)
         given = self._driver.drive(driven, population.ego)
         comfort = planned_comfort(spec, population)
-        self._comfortable = comfortable(
-            self._driver.manager(),
-            self._session,
-            spec.step_s,
-            [
-                (vehicle, comfort[vehicle.id], values)
-                for vehicle, values in zip(driven, given)
-                if vehicle.id in comfort
-            ],
-        )
+        planned = [
+            (vehicle, comfort[vehicle.id], values)
+            for vehicle, values in zip(driven, given)
+            if vehicle.id in comfort
+        ]
+        manager = self._driver.manager()
+        self._comfortable = comfortable(manager, self._session, spec.step_s, planned)
+
+    def driven_gently(self) -> Mapping[int, ComfortableDriving]:
+        """The ego and agents that are planned to."""
+        return self._comfortable
 
     def before_step(self, tick: Optional[int]) -> None:
         """Drive gently; keep lights of vehicles with drivers of their own fit for the weather."""
-        for driving in self._comfortable:
+        for driving in self._comfortable.values():
             driving.before_step()
         if self._lit:
             self._lamps.light(self._lit, self._session.weather.values)

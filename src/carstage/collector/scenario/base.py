@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, Type, TypeVar
+from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Tuple, Type, TypeVar
 
 from carstage.collector.actors import Walker, spawn_vehicles, spawn_walkers, start_walkers
 from carstage.collector.agents import Agent, spawn_agents
+from carstage.collector.comfort import ComfortableDriving
 from carstage.collector.ego import ego_start, spawn_ego
 from carstage.collector.internals.errors import SceneError
 from carstage.collector.internals.lamps import Lamps
@@ -94,6 +95,10 @@ class Scenario:
 
     def before_step(self, tick: Optional[int]) -> None:
         """Called ahead of each step: of a recorded tick, or None in the warm-up."""
+
+    def driven_gently(self) -> Mapping[int, ComfortableDriving]:
+        """Who drives with comfort, by actor id, once everybody goes; by default nobody."""
+        return {}
 
     def event_states(self) -> Optional[List[Dict[str, Any]]]:
         """How each of its own events stands after :meth:`before_step`; None: it has none."""

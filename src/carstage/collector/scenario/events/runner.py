@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import random
-from typing import Any, Dict, List, Optional
+from typing import Any, Dict, List, Mapping, Optional
 
+from carstage.collector.comfort import ComfortableDriving
 from carstage.collector.internals.errors import SceneError
 from carstage.collector.scenario.base import Population
 from carstage.collector.scenario.events.base import Event, event_class, make_event
@@ -41,6 +42,7 @@ class EventRunner:
         spec: the episode.
         population: who was spawned.
         traffic_manager_port: where the client's Traffic Manager listens.
+        gently: who drives with comfort, by actor id.
     """
 
     def __init__(
@@ -49,11 +51,12 @@ class EventRunner:
         spec: EpisodeSpec,
         population: Population,
         traffic_manager_port: int,
+        gently: Mapping[int, ComfortableDriving],
     ) -> None:
         planned = spec.scenario.events or ()
         rng = random.Random("%d events" % spec.seeds.driving)
         self._step_s = spec.step_s
-        self._world = Surroundings(session, spec, population, traffic_manager_port, rng)
+        self._world = Surroundings(session, spec, population, traffic_manager_port, rng, gently)
         self._events: List[Event] = [make_event(event, self._world) for event in planned]
 
     def before_step(self, tick: Optional[int]) -> None:

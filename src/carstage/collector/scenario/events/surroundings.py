@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 import random
-from typing import Any, Dict, Iterable, List, NamedTuple, Optional, Sequence, Tuple
+from types import MappingProxyType
+from typing import Any, Dict, Iterable, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import carla
 
 from carstage.collector.actors import dress
+from carstage.collector.client import is_known_gone
+from carstage.collector.comfort import ComfortableDriving
 from carstage.collector.internals.lamps import planned_lights
 from carstage.collector.scenario.base import Population
 from carstage.collector.scenario.events.signals import HeldSignals
@@ -61,35 +64,31 @@ class Seen(NamedTuple):
 
 
 def look_at(actor: Any) -> Seen:
-    """What the client knows of an actor.
+    """What the client knows of an actor that is there."""
+    return _seen(actor, actor)
 
-    Raises:
-        RuntimeError: it has been destroyed.
+
+def seen(world: Any, actors: Iterable[Any]) -> List[Seen]:
+    """Those of some actors that the last frame shows, as it shows them.
+
+    The Traffic Manager, or a world that runs on its own, may destroy one at any time. Who has just
+    been spawned is shown by the next frame only.
+
+    Args:
+        world: ``carla.World``.
+        actors: in any order, which is kept.
     """
-    transform, velocity = actor.get_transform(), actor.get_velocity()
-    return Seen(actor, transform, math.hypot(velocity.x, velocity.y))
-
-
-def seen(actors: Iterable[Any]) -> List[Seen]:
-    """Those of some actors that are there.
-
-    Whether one is there shows as it is read: the Traffic Manager, or a world that runs on its own,
-    may destroy it between two questions.
-
-    Raises:
-        RuntimeError: one is there and cannot be read.
-    """
-    there = []
+    snapshot, there = world.get_snapshot(), []
     for actor in actors:
-        try:
-            one = look_at(actor)
-        except RuntimeError:
-            if actor.is_alive:
-                raise
-            continue
-        if actor.is_alive:
-            there.append(one)
+        state = snapshot.find(actor.id)
+        if state is not None:
+            there.append(_seen(actor, state))
     return there
+
+
+def _seen(actor: Any, state: Any) -> Seen:
+    velocity = state.get_velocity()
+    return Seen(actor, state.get_transform(), math.hypot(velocity.x, velocity.y))
 
 
 def _first_taken(
@@ -112,6 +111,7 @@ class Surroundings:
         population: who was spawned.
         traffic_manager_port: where the client's Traffic Manager listens.
         rng: of the events.
+        gently: who drives with comfort, by actor id.
     """
 
     def __init__(
@@ -121,12 +121,14 @@ class Surroundings:
         population: Population,
         traffic_manager_port: int,
         rng: random.Random,
+        gently: Mapping[int, ComfortableDriving] = MappingProxyType({}),
     ) -> None:
         self._session = session
         self._spec = spec
         self._port = traffic_manager_port
         self._all_vehicles = list(population.vehicles)
         self._lights: Dict[int, int] = {}
+        self._gently = gently
         driven = driven_by_traffic(spec, population)
         values = personalities(spec, driven, population.ego)
         self._slower = {
@@ -142,7 +144,7 @@ class Surroundings:
     @property
     def _vehicles(self) -> List[Seen]:
         """All but the ego that are there: the Traffic Manager destroys who stands too long."""
-        return seen(self._all_vehicles)
+        return seen(self._session.world, self._all_vehicles)
 
     @property
     def ego_speed_m_s(self) -> float:
@@ -162,10 +164,14 @@ class Surroundings:
         x, y = place.x - transform.location.x, place.y - transform.location.y
         return x * math.cos(yaw) + y * math.sin(yaw), y * math.cos(yaw) - x * math.sin(yaw)
 
+    def is_gone(self, actor: Any) -> bool:
+        """Whether the last frame shows that an actor is no longer there."""
+        return is_known_gone(self._session.world, actor)
+
     def is_far(self, actors: Sequence[Any], distance_m: float) -> bool:
         """Whether all of them that are there are farther from the ego than that."""
         here = self.ego.get_location()
-        places = [one.transform.location for one in seen(actors)]
+        places = [one.transform.location for one in seen(self._session.world, actors)]
         return all(place.distance(here) > distance_m for place in places)
 
     @property
@@ -368,9 +374,25 @@ class Surroundings:
         """Have a vehicle drive so far to the right of the middle of its lane."""
         manager = self._session.client.get_trafficmanager(self._port)
         manager.vehicle_lane_offset(vehicle, right_m)
+        if self.is_gentle(vehicle):
+            self._gently[vehicle.id].keep_aside(right_m)
 
-    def limit_speed(self, vehicle: Any, speed_m_s: Optional[float]) -> None:
-        """Have a vehicle drive at a speed; None: as it is planned to."""
+    def is_gentle(self, vehicle: Any) -> bool:
+        """Whether a vehicle drives with comfort: its speed is told anew ahead of each step."""
+        return vehicle.id in self._gently
+
+    def limit_speed(self, vehicle: Any, speed_m_s: Optional[float], within_m: float = 0.0) -> None:
+        """Have a vehicle drive at a speed.
+
+        Args:
+            vehicle: that the Traffic Manager drives.
+            speed_m_s: None: as it is planned to.
+            within_m: from so far ahead of its front on, if it drives with comfort; others do so
+                at once.
+        """
+        if self.is_gentle(vehicle):
+            self._gently[vehicle.id].ask(speed_m_s, within_m)
+            return
         manager = self._session.client.get_trafficmanager(self._port)
         if speed_m_s is None:
             manager.vehicle_percentage_speed_difference(vehicle, self._slower.get(vehicle.id, 0.0))

@@ -37,6 +37,9 @@ BEHIND_M = 20.0
 BACK_M = 0.1
 """So near to the middle of its lane the ego is back."""
 
+Limit = Tuple[float, float]
+"""A speed (m/s), and how far ahead it is to be driven (m)."""
+
 
 class Works(NamedTuple):
     """Works in the ego's lane.
@@ -73,7 +76,7 @@ class WorksTraffic:
             for place in stretch.places
         ]
         self._over_m: Dict[int, float] = {}
-        self._speed_m_s: Dict[int, float] = {}
+        self._limits: Dict[int, Limit] = {}
         self._vehicles: Dict[int, Any] = {}
         self._goes = not works.closes
 
@@ -92,35 +95,47 @@ class WorksTraffic:
     def release(self) -> None:
         """Everybody drives as before."""
         for vehicle in self._vehicles.values():
-            if vehicle.is_alive:
+            if not self._world.is_gone(vehicle):
                 self._world.shift(vehicle, 0.0)
                 self._world.limit_speed(vehicle, None)
 
     def _steer(self, one: Seen, goes: Any) -> None:
         works, vehicle, speed_m_s = self._works, one.actor, one.speed_m_s
         along_m = self._along_m(one)
-        wanted_m, limit_m_s = 0.0, None
+        wanted_m: float = 0.0
+        limit: Optional[Limit] = None
         half_m = float(vehicle.bounding_box.extent.x)
         if along_m is not None and along_m - half_m < works.last_m + 1.0:
             ahead_m = works.first_m - BEFORE_M - along_m - half_m
-            if ahead_m < _braking_m(speed_m_s, 0.0) + speed_m_s and not goes(along_m):
-                limit_m_s = _waiting_m_s(ahead_m, speed_m_s, works.speed_m_s)
-            elif ahead_m < _braking_m(speed_m_s, works.speed_m_s):
-                limit_m_s = works.speed_m_s
+            near = ahead_m < _braking_m(speed_m_s, 0.0) + speed_m_s
+            waits = near and not goes(along_m)
+            if self._world.is_gentle(vehicle):
+                limit = (0.0 if waits else works.speed_m_s), ahead_m
+            else:
+                limit = self._at_once(ahead_m, speed_m_s, waits)
             if goes(along_m) and ahead_m < 0.0:
                 wanted_m = works.over_m
         elif self._over_m.get(vehicle.id, 0.0) != 0.0:
-            limit_m_s = works.speed_m_s
-        if vehicle.id not in self._vehicles and wanted_m == 0.0 and limit_m_s is None:
+            limit = works.speed_m_s, 0.0
+        if vehicle.id not in self._vehicles and wanted_m == 0.0 and limit is None:
             return
         self._vehicles[vehicle.id] = vehicle
         self._shift(vehicle, wanted_m, speed_m_s)
-        if self._speed_m_s.get(vehicle.id) != limit_m_s:
-            self._world.limit_speed(vehicle, limit_m_s)
-            if limit_m_s is None:
-                del self._speed_m_s[vehicle.id]
-            else:
-                self._speed_m_s[vehicle.id] = limit_m_s
+        if self._limits.get(vehicle.id) == limit:
+            return
+        if limit is None:
+            self._world.limit_speed(vehicle, None)
+            del self._limits[vehicle.id]
+        else:
+            self._world.limit_speed(vehicle, *limit)
+            self._limits[vehicle.id] = limit
+
+    def _at_once(self, ahead_m: float, speed_m_s: float, waits: bool) -> Optional[Limit]:
+        """What to ask now of a vehicle that heeds it at once."""
+        works_m_s = self._works.speed_m_s
+        if waits:
+            return _waiting_m_s(ahead_m, speed_m_s, works_m_s), 0.0
+        return (works_m_s, 0.0) if ahead_m < _braking_m(speed_m_s, works_m_s) else None
 
     def _shift(self, vehicle: Any, wanted_m: float, speed_m_s: float) -> None:
         now_m = self._over_m.get(vehicle.id, 0.0)

@@ -4,8 +4,7 @@ Two demos run one after the other with a home and cache folder of their own: the
 empty (kernels are compiled, the town is baked), the second warm. Memory is the largest sum of the
 proportional set sizes (PSS) of all its processes, sampled twice a second. Targets in seconds are
 those of the reference machine, scaled by a calibration kernel that is timed in the same run. What
-its first picture shows is counted, too: people, moving vehicles, and those that cross before the
-ego.
+its first picture shows is counted, too: people, moving cars, and those that cross before the ego.
 """
 
 from __future__ import annotations
@@ -29,9 +28,11 @@ TARGET_COLD_S, TARGET_WARM_S = 60.0, 30.0
 TARGET_WARM_OF_MANY_CORES_S = 12.0
 _MANY_CORES = 16
 TARGET_PSS_BYTES = 2_000_000_000
-TARGET_PEOPLE, TARGET_MOVING_VEHICLES = 5, 5
+TARGET_PEOPLE, TARGET_MOVING_CARS = 5, 5
 _SAMPLE_EVERY_S = 0.5
 _MOVES_M_S = 0.5
+_CARS = ("car", "van", "truck", "bus")
+"""Classes of four wheels or more: two-wheelers and their riders do not count as cars."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,13 +124,13 @@ def first_picture(dataset: Path) -> tuple[Figure, ...]:
             continue
         if known["class"].startswith("walker"):
             people += 1
-        elif math.hypot(*known["velocity"][:2]) > _MOVES_M_S:
+        elif known["class"] in _CARS and math.hypot(*known["velocity"][:2]) > _MOVES_M_S:
             ahead_m_s, across_m_s, _ = known["velocity_ego"]
             moving += 1
             crossing += abs(across_m_s) > abs(ahead_m_s)
     return (
         Figure("people_in_the_first_picture", people, ">=", TARGET_PEOPLE),
-        Figure("moving_vehicles_in_it", moving, ">=", TARGET_MOVING_VEHICLES),
+        Figure("moving_cars_in_it", moving, ">=", TARGET_MOVING_CARS),
         Figure("of_them_crossing", crossing, ">=", 1),
     )
 

@@ -168,17 +168,19 @@ def grass(x, y, pixel):  # type: ignore[no-untyped-def]
 @device
 def tiles(x, y, wide, high, joint, shift, pixel, seed):  # type: ignore[no-untyped-def]
     """Courses of tiles: (brightness of the tile, share of joint in the pixel)."""
+    mean = joint / wide + joint / high
+    if pixel >= high * _HALF:
+        return _ZERO, mean
     row = np.floor(y / high)
     along = x / wide + (_HALF if int(row) & 1 else np.float32(0)) * shift
     column = np.floor(along)
     tint = hash_unit(int(column), int(row), seed) * np.float32(2) - _ONE
-    coarse = min(pixel / (high * _HALF), _ONE)
+    coarse = pixel / (high * _HALF)
     dx = (_HALF - abs(along - column - _HALF)) * wide
     dy = (_HALF - abs(y / high - row - _HALF)) * high
     edge = min(dx, dy)
     soft = max(pixel, np.float32(0.002))
     seam = min(max((joint * _HALF + soft * _HALF - edge) / soft, np.float32(0)), _ONE)
-    mean = joint / wide + joint / high
     return tint * (_ONE - coarse), seam + (mean - seam) * coarse
 
 
@@ -318,9 +320,11 @@ def _plaster(s, t, edges, owner, pixel):  # type: ignore[no-untyped-def]
     value *= _repaired(s, t, owner)
     dirt = _ZERO
     if hang < _STREAKED_M:
-        drip = noise(s * np.float32(12), hang * np.float32(0.35), 46)
-        drip = (_HALF + _HALF * drip) * _layer(np.float32(0.1), pixel)
-        drip = max(column + np.float32(0.12), _ZERO) * (np.float32(0.4) + drip)
+        drip = np.float32(0.4)
+        if pixel < np.float32(0.1):
+            fine = noise(s * np.float32(12), hang * np.float32(0.35), 46)
+            drip += (_HALF + _HALF * fine) * _layer(np.float32(0.1), pixel)
+        drip *= max(column + np.float32(0.12), _ZERO)
         reach = np.float32(1.2) + column
         dirt = drip * max(_ONE - hang / reach, _ZERO) * min(hang * np.float32(6), _ONE)
     if foot < np.float32(0.6):

@@ -26,6 +26,7 @@ from carstage.config import (
     parse_config,
 )
 from carstage.config.attributes import attributes_model
+from carstage.config.drivers import AutopilotDriver
 from carstage.config.timing import MAX_SUBSTEPS, Timing
 from carstage.errors import ConfigError
 from carstage.sensor_kinds import kinds
@@ -59,6 +60,16 @@ def test_demo_has_the_rig_that_is_promised() -> None:
     assert (config.saved_frames, config.image_size) == (50, (640, 360))
     poses = {sensor.pose for sensor in config.sensors if sensor.row.is_camera}
     assert len(poses) == 2
+
+
+def test_demo_drives_with_comfort_and_other_configurations_as_carla_does() -> None:
+    for config, comfort in (
+        (load_demo(), True),
+        (Config(), False),
+        (parse_config("ego: {spawn: 3}"), False),
+    ):
+        assert isinstance(config.ego.driver, AutopilotDriver)
+        assert config.ego.driver.comfort is comfort
 
 
 @pytest.mark.parametrize(

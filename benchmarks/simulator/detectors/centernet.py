@@ -33,14 +33,14 @@ class CenterNetDetector:
     """A detector of the CenterNet family.
 
     Args:
-        model: text of the ``.json`` file: the graph, and where each tensor is.
+        model: the ``.json`` file: the graph, and where each tensor is.
         weights: bytes of the ``.bin`` file.
 
     Raises:
         ValueError: the graph has an operation that is not known here.
     """
 
-    def __init__(self, model: str, weights: bytes) -> None:
+    def __init__(self, model: bytes, weights: bytes) -> None:
         described = json.loads(model)
         self._constants = _constants(described["weightsManifest"], weights)
         self._nodes = {node["name"]: node for node in described["modelTopology"]["node"]}
@@ -64,7 +64,7 @@ class CenterNetDetector:
                 inputs = [values[source] for source in node.get("input", ())]
                 values[name] = _OPERATIONS[node["op"]](node.get("attr", {}), inputs)
         heat, sides = values[_HEAT], values[_SIDES]
-        peaks = heat * (heat == largest(heat, _PEAK_CELLS, 1))
+        peaks = heat * (heat == largest(heat, _PEAK_CELLS))
         cells = self.side // heat.shape[0]
         row, column = np.mgrid[: heat.shape[0], : heat.shape[1]].astype(np.float32) * cells
         outwards = np.array([-1, -1, 1, 1], np.float32)

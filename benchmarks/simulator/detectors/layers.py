@@ -66,15 +66,14 @@ def convolve_each(values: Array, weights: Array, stride: int = 1) -> Array:
     return found
 
 
-def largest(values: Array, size: int, stride: int) -> Array:
-    """The largest value of each window, with padding ``SAME``."""
-    wide = padded(values, (size, size), stride, -np.inf)
-    height, width = (-(-values.shape[k] // stride) for k in range(2))
-    found = np.full((height, width, values.shape[2]), -np.inf, np.float32)
+def largest(values: Array, size: int) -> Array:
+    """The largest value around each cell, with padding ``SAME``."""
+    wide = padded(values, (size, size), 1, -np.inf)
+    height, width = values.shape[:2]
+    found = np.full(values.shape, -np.inf, np.float32)
     for i in range(size):
         for j in range(size):
-            part = wide[i : i + stride * (height - 1) + 1 : stride]
-            np.maximum(found, part[:, j : j + stride * (width - 1) + 1 : stride], out=found)
+            np.maximum(found, wide[i : i + height, j : j + width], out=found)
     return found
 
 

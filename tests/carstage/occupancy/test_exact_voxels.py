@@ -108,7 +108,7 @@ RECORDING: dict[str, Any] = {
     "duration_s": 0.4,
     "vehicles": {"count": 12},
     "pedestrians": {"count": 8},
-    "image_size": [96, 64],
+    "image_size": [240, 160],  # so fine that it shows what a LiDAR meets far away
     "conversion": {"workers": 1},
     "labels": {"occupancy": ASKED},
     "rig": {

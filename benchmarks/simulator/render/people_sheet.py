@@ -35,14 +35,15 @@ _IN_RAIN = (4, 25, 21)
 _FOV_DEG = 36.0
 _UMBRELLA, _WHEELCHAIR = "+umbrella", "+wheelchair"
 _CHILDREN = (48, 13, 9)
-_SITTING = ((1, 15.0), (3, 80.0), (20, 160.0))
+_SITTING = ((1, 4, 15.0), (3, 12, 80.0), (20, 36, 160.0))
 _RAIN = Weather(
     sun_altitude_angle=45.0, sun_azimuth_angle=50.0, cloudiness=90.0, precipitation=60.0,
     precipitation_deposits=50.0, wetness=80.0,
 )  # fmt: skip
 
 
-def _mesh(key: str) -> TriangleMesh:
+def person_mesh(key: str) -> TriangleMesh:
+    """The mesh of a figure in a phase of its motion, by its model's key."""
     figure, _, phase = key.partition(QUICK)
     name, _, _ = figure.partition("+")
     if figure.endswith(_WHEELCHAIR):
@@ -95,7 +96,8 @@ def _portrait(number: int, phase: int, turn_deg: float, name: str, weather: Weat
     return Shot(name, [person], eye, rotation, _FOV_DEG, weather)
 
 
-def _shots() -> Iterator[Shot]:
+def people_shots() -> Iterator[Shot]:
+    """Who is shown from where, picture by picture."""
     for number in _STANDING:
         yield _portrait(number, 0, 15.0, f"{number:04d}")
     for number in _ASIDE:
@@ -112,8 +114,8 @@ def _shots() -> Iterator[Shot]:
     for number, turn_deg in zip(_IN_RAIN, (15.0, 80.0, 160.0), strict=True):
         yield _portrait(number, 2, turn_deg, f"{number:04d}, in rain", _RAIN)
     yield _portrait(_IN_RAIN[0], 0, 15.0, f"{_IN_RAIN[0]:04d}, dry", DAY)
-    for number, turn_deg in _SITTING:
-        yield _sitting(number, 4 * number, turn_deg)
+    for number, phase, turn_deg in _SITTING:
+        yield _sitting(number, phase, turn_deg)
     for number, turn_deg in zip(_CHILDREN, (15.0, 80.0, 15.0), strict=True):
         yield _portrait(number, 0, turn_deg, f"{number:04d}", FROM_AHEAD)
     yield _crowd(_RAIN, 6.0, "rain")
@@ -122,7 +124,7 @@ def _shots() -> Iterator[Shot]:
 
 def people_pictures(width: int, height: int) -> dict[str, NDArray[np.uint8]]:
     """Pictures of the sheet by their names, 42 in all."""
-    return pictures_of(list(_shots()), _mesh, width, height)
+    return pictures_of(list(people_shots()), person_mesh, width, height)
 
 
 def every_pedestrian(width: int, height: int) -> Iterator[tuple[str, list[NDArray[np.uint8]]]]:
@@ -132,5 +134,5 @@ def every_pedestrian(width: int, height: int) -> Iterator[tuple[str, list[NDArra
             _portrait(number, phase, turn_deg, str(turn_deg), FROM_AHEAD)
             for phase, turn_deg in ((0, 15.0), (2, 90.0), (26, 160.0))
         ]
-        pictures = pictures_of(shots, _mesh, width, height)
+        pictures = pictures_of(shots, person_mesh, width, height)
         yield f"walker.pedestrian.{number:04d}", list(pictures.values())

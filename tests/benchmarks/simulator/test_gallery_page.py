@@ -14,7 +14,7 @@ from benchmarks.simulator.render.gallery_page import (
     busy_places,
     write_page,
 )
-from benchmarks.simulator.render.people_sheet import every_pedestrian
+from benchmarks.simulator.render.people_sheet import every_pedestrian, people_shots, person_mesh
 from benchmarks.simulator.render.vehicle_sheet import every_vehicle
 from carstage_sim.world.blueprints import catalogue
 from carstage_sim.world.state import ActorKind
@@ -65,3 +65,10 @@ def test_every_vehicle_and_pedestrian_is_shown_from_its_sides(shown, kind, sides
         assert {view.shape for view in views} == {(16, 24, 3)}
         assert len(views) == sides
         assert not np.array_equal(views[0], views[-1])
+
+
+def test_everybody_on_the_sheet_of_people_has_a_mesh():
+    shots = list(people_shots())
+    assert len({shot.name for shot in shots}) == len(shots) == 42
+    for model in {one.model for shot in shots for one in shot.placements}:
+        assert len(person_mesh(model).triangles) > 500

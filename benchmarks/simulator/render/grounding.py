@@ -38,8 +38,7 @@ def ground_figures(scene: ReferenceScene) -> list[Figure]:
         _actor_gap(frame, row, gap_below)
         for row in np.isin(frame.actor_id, moving).nonzero()[0].tolist()
     ]
-    objects = _lowest_vertices(mesh)
-    gaps = gap_below(objects)
+    gaps = gap_below(lowest_vertices(mesh))
     return [
         Figure("largest_gap_below_an_actor_m", max(actors), "<=", _MOST_M),
         Figure("largest_gap_below_a_level_object_m", float(gaps.max()), "<=", _MOST_M),
@@ -84,7 +83,7 @@ def _actor_gap(frame: Frame, row: int, gap_below: GroundProbe) -> float:
     return float(gap_below(turned + frame.scene.position[row]).min())
 
 
-def _lowest_vertices(mesh: TriangleMesh) -> Array:
+def lowest_vertices(mesh: TriangleMesh) -> Array:
     """``(N, 3)`` lowest vertex of each level object."""
     owner = np.repeat(mesh.object_id, 3)
     places = mesh.vertices[mesh.triangles].reshape(-1, 3)

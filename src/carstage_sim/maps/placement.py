@@ -17,6 +17,9 @@ from carstage_sim.mesh import TriangleMesh
 
 _STEEPEST_LOT_M = 1.5
 """Difference of height under a building that its foot may bridge."""
+_FOOT_M = 0.05
+"""What is so little above the lowest point of a thing is its foot: a trunk's, not a crown's."""
+_ON_WHEELS = (CityObjectLabel.CAR, CityObjectLabel.TRUCK)
 _LAYERS = {
     CityObjectLabel.BUILDINGS: MapLayer.BUILDINGS,
     CityObjectLabel.VEGETATION: MapLayer.FOLIAGE,
@@ -29,10 +32,15 @@ _LAYERS = {
 """Signs are no part of a layer: they stay."""
 
 
-def _feet(mesh: TriangleMesh, place: tuple[float, float, float]) -> NDArray[np.float64]:
-    """``(5, 2)`` the place and the corners of the mesh's rectangle there."""
+def _feet(
+    mesh: TriangleMesh, place: tuple[float, float, float], *, whole: bool
+) -> NDArray[np.float64]:
+    """``(5, 2)`` the place and the corners of the rectangle of the whole mesh or of its foot."""
     x, y, yaw = place
-    (x0, y0, _), (x1, y1, _) = mesh.bounds.astype(np.float64)
+    corners = mesh.vertices.astype(np.float64)
+    if not whole:
+        corners = corners[corners[:, 2] < corners[:, 2].min() + _FOOT_M]
+    (x0, y0, _), (x1, y1, _) = corners.min(axis=0), corners.max(axis=0)
     local = np.array([(0.0, 0.0), (x0, y0), (x0, y1), (x1, y0), (x1, y1)])
     c, s = math.cos(math.radians(yaw)), math.sin(math.radians(yaw))
     feet: NDArray[np.float64] = local @ np.array([[c, s], [-s, c]]) + np.array([x, y])
@@ -74,19 +82,25 @@ class SceneryPlacement:
         return [(x, y) for _, kind, _, (x, y, _) in self.waiting if kind == CityObjectLabel.POLES]
 
     def set_down(self, surface: LevelSurface) -> None:
-        """Puts everything on the ground, with its lowest part on the lowest ground under it.
+        """Puts everything on the ground, with its foot on the lowest ground under it.
 
-        Houses for which the ground is too steep are not built.
+        What has wheels stands where its middle is. Houses for which the ground is too steep are not
+        built.
         """
         if not self.waiting:
             return
-        probes = np.stack([_feet(mesh, place) for _, _, mesh, place in self.waiting])
+        probes = np.stack(
+            [
+                _feet(mesh, place, whole=label == CityObjectLabel.BUILDINGS)
+                for _, label, mesh, place in self.waiting
+            ]
+        )
         heights = surface.height(probes.reshape(-1, 2)).reshape(probes.shape[:2])
         for (name, label, mesh, place), z in zip(self.waiting, heights, strict=True):
-            wide = label == CityObjectLabel.BUILDINGS
-            if wide and np.ptp(z) > _STEEPEST_LOT_M:
+            if label == CityObjectLabel.BUILDINGS and np.ptp(z) > _STEEPEST_LOT_M:
                 continue
-            self._place(name, label, mesh, (*place, float(z.min() if wide else z[0])))
+            low = z[0] if label in _ON_WHEELS else z.min()
+            self._place(name, label, mesh, (*place, float(low)))
 
     def _place(
         self,

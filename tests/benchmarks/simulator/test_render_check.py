@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.simulator.render.grounding import GroundProbe
+from benchmarks.simulator.render.grounding import GroundProbe, lowest_vertices
 from benchmarks.simulator.render.looks import lab, shadow_error_deg
-from benchmarks.simulator.render.scene import named_presets
+from benchmarks.simulator.render.scene import named_presets, town_of
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material, build_mesh
 
@@ -36,6 +36,14 @@ def test_gaps_below_points_are_measured_and_foundations_have_none():
     assert gaps == pytest.approx([0.2, 0.0, -2.5], abs=0.51)
     assert gaps[:2] == pytest.approx([0.2, 0.0], abs=1e-3)
     assert gaps[2] < 0
+
+
+@pytest.mark.parametrize("town", ["Stage01", "Stage02", "Stage03"])
+def test_nothing_of_a_town_hangs_above_its_ground(town):
+    mesh = town_of(town).static_mesh
+    gaps = GroundProbe(mesh)(lowest_vertices(mesh))
+    assert len(gaps) > 500
+    assert gaps.max() < 0.03
 
 
 def test_the_shadow_of_a_pole_points_away_from_the_sun():

@@ -204,7 +204,7 @@ def _summary(episode: Episode) -> str:
         f"{spec.map}, {weather}{variant}; "
         f"{episode.frames} frames at {frames_per_second(episode):g} Hz; "
         f"ego {spec.ego.blueprint}, scenario {spec.scenario.kind}; "
-        f"{spawned['vehicles']} of {spec.vehicles.count} vehicles and "
+        f"{spawned['vehicles']} of {spec.vehicles.total} vehicles and "
         f"{spawned['pedestrians']} of {spec.pedestrians.count} pedestrians; "
         f"CARLA client {document['client_version']}, server {document['server_version']}."
     )

@@ -7,6 +7,7 @@ import io
 import json
 import re
 import shutil
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from types import SimpleNamespace
@@ -21,8 +22,9 @@ from carstage.dataset import Dataset, Episode
 from carstage.errors import BadInputError
 from carstage.report import film, html, write_report, write_validation
 from carstage.report.coverage import coverage_section
-from carstage.report.episodes import _events
+from carstage.report.episodes import _events, _summary
 from carstage.report.statistics import bin_names
+from carstage.spec.road_users import GroupSpec
 from carstage.validation import Problem, ValidationReport, validate_dataset
 from carstage.validation.checks.catalogue import RULES
 from carstage.validation.checks.episode import Figures
@@ -207,6 +209,18 @@ def test_the_documentation_names_every_check() -> None:
 def test_a_problem_of_no_check_is_refused() -> None:
     with pytest.raises(ValueError, match="hulk"):
         Findings("e").add("hulk", "green")
+
+
+def test_vehicles_of_all_groups_were_asked_for(dataset: Path) -> None:
+    (episode, *_) = Dataset(dataset).episodes
+    plan = replace(episode.spec.vehicles, count=3, groups=(GroupSpec(4, "vehicle.*", None),))
+    asked = SimpleNamespace(
+        spec=replace(episode.spec, vehicles=plan),
+        document={**episode.document, "spawned": {"vehicles": 7, "pedestrians": 0}},
+        variant=None,
+        frames=episode.frames,
+    )
+    assert "7 of 7 vehicles and" in _summary(cast("Episode", asked))
 
 
 def test_events_of_a_storyboard_go_by_their_names_in_the_file() -> None:

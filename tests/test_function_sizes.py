@@ -70,7 +70,7 @@ REASONS = {
     "carstage_sim/render/simd.py box_hits": _KERNEL,
     "carstage_sim/render/simd.py triangle_hits": _KERNEL,
     "carstage_sim/render/surface.py facing_normals": _KERNEL,
-    "carstage_sim/sensors/pixel_kernels.py hit_tags": _KERNEL,
+    "carstage_sim/render/pixel_kernels.py hit_tags": _KERNEL,
     "carstage_sim/sensors/voxel_kernels.py collect": _KERNEL,
     "carstage_sim/sensors/voxel_kernels.py gather": _KERNEL,
     "carstage_sim/sensors/voxel_kernels.py measure": _KERNEL,

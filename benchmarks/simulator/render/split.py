@@ -18,11 +18,11 @@ from carstage_sim.render.cast import empty_geometry
 from carstage_sim.render.caster import RayCaster
 from carstage_sim.render.film import Film
 from carstage_sim.render.picture import Picture, PictureMaker
+from carstage_sim.render.pixel_kernels import FAR_M
 from carstage_sim.render.quality import SAMPLING, Quality
 from carstage_sim.render.scene import Frame
 from carstage_sim.sensors import WorldSensors
 from carstage_sim.sensors.measurements import SensorRequest
-from carstage_sim.sensors.pixel_kernels import FAR_M
 from carstage_sim.sensors.view import NEAR_M, Camera, View
 
 _COLOUR = (800, 600)

@@ -60,6 +60,12 @@ def new_scratch() -> Scratch:
     )
 
 
+@device
+def scratch_of(memory, worker):  # type: ignore[no-untyped-def]
+    """That of one thread, of :func:`carstage_sim.render.crew.for_workers`."""
+    return Scratch(memory.stack[worker], memory.entries[worker], memory.tests[worker])
+
+
 class Scene(NamedTuple):
     """All that a ray can meet in one frame.
 

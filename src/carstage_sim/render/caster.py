@@ -5,17 +5,19 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.render.cast import Scene, new_scratch
+from carstage_sim.render.crew import Crew, Shared, for_workers
 from carstage_sim.render.packets import new_packet_scratch
 from carstage_sim.render.shared_kernels import share_cast_packets, share_cast_rays
-from carstage_sim.render.sharing import OfEachThread, Team, parts_of
+from carstage_sim.render.sharing import Team
 
 _BAND = 8192
 """Pixels of a band: small enough to balance, large enough to hide the call."""
@@ -98,13 +100,16 @@ class RayCaster:
         """Rays cast so far; those that shading sends to the sun and the sky are not counted."""
         self._lock = threading.Lock()
         self._between: Callable[[], None] | None = None
-        self._team = Team(self.threads, "rays")
-        self._scratch = OfEachThread(new_scratch)
-        self._packet_scratch = OfEachThread(new_packet_scratch)
+        self._team = Team(self.threads, "bands")
+        self.crew = Crew(self.threads, "rays")
+        """Does what :meth:`in_packets` hands it."""
+        self._scratch = for_workers(self.crew, new_scratch())
+        self._packet_scratch = for_workers(self.crew, new_packet_scratch())
 
     def close(self) -> None:
         """End the threads."""
         self._team.close()
+        self.crew.close()
 
     @contextmanager
     def in_pieces(self, between: Callable[[], None] | None) -> Iterator[None]:
@@ -117,6 +122,10 @@ class RayCaster:
             yield
         finally:
             self._between = before
+
+    def ranked(self, rank: int) -> AbstractContextManager[None]:
+        """In the block, rays of the calling thread come after those of lower ranks; 0 elsewhere."""
+        return self.crew.ranked(rank)
 
     def _count(self, rays: int) -> None:
         with self._lock:
@@ -132,23 +141,37 @@ class RayCaster:
 
         self._team.do(share, -(-count // band), joined=True)
 
-    def in_packets(self, packets: Packets, work: Callable[[NDArray[np.int64]], None]) -> None:
-        """Let threads call ``work(parts)``, which takes groups of rays until none is left.
+    def in_parts(
+        self, shared: Shared, data: tuple[Any, ...], count: int, size: int = _BAND
+    ) -> None:
+        """Have the crew do ``range(count)``, in parts of a size; returns when all is done.
 
         Args:
+            shared: the kernel.
+            data: for it.
+            count, size: of all, and of a part.
+        """
+        with self.crew.job(0, count, size) as (job, work):
+            shared(data, self.crew.board, job, work)
+
+    def in_packets(self, shared: Shared, data: tuple[Any, ...], packets: Packets) -> None:
+        """Have the crew do groups of rays.
+
+        Args:
+            shared: the kernel, whose items are the groups.
+            data: for it.
             packets: the groups.
-            work: see :func:`carstage_sim.render.sharing.take`.
         """
         count = len(packets.starts) - 1
         even = count // (self.threads * _PARTS_PER_THREAD) if self._between is None else 0
-        self._share(count, max(min(even, _PACKETS), _FEWEST_PACKETS), work)
+        self._share(shared, data, count, max(min(even, _PACKETS), _FEWEST_PACKETS))
 
-    def _share(self, count: int, size: int, work: Callable[[NDArray[np.int64]], None]) -> None:
+    def _share(self, shared: Shared, data: tuple[Any, ...], count: int, size: int) -> None:
         between = self._between
         piece = count if between is None else max(-(-count // _PIECES), size * self.threads)
         for first in range(0, count, piece or 1):
-            parts = parts_of(min(first + piece, count), size, first)
-            self._team.do(partial(work, parts), -(-piece // size))
+            with self.crew.job(first, min(first + piece, count), size) as (job, work):
+                shared(data, self.crew.board, job, work)
             if between is not None:
                 between()
 
@@ -177,13 +200,11 @@ class RayCaster:
         hits = unwritten_hits(origin, directions)
         origins = hits.origin.reshape(-1, 3)
 
-        def work(parts: NDArray[np.int64]) -> None:
-            share_cast_rays(
-                scene, self._scratch(), origins, hits.directions, np.float32(low),
-                np.float32(high), skip_row, parts, hits.t, hits.row, hits.triangle, hits.weights,
-            )  # fmt: skip
-
-        self._share(count, _RAYS, work)
+        data = (
+            self._scratch, scene, origins, hits.directions, np.float32(low), np.float32(high),
+            skip_row, hits.t, hits.row, hits.triangle, hits.weights,
+        )  # fmt: skip
+        self._share(share_cast_rays, data, count, _RAYS)
         return hits
 
     def cast_together(
@@ -207,14 +228,12 @@ class RayCaster:
         hits = unwritten_hits(origin, directions)
         self._count(len(packets.order))
 
-        def work(parts: NDArray[np.int64]) -> None:
-            share_cast_packets(
-                scene, self._packet_scratch(), hits.origin, hits.directions, packets.order,
-                packets.starts, np.float32(low), np.float32(high), skip_row, parts,
-                hits.t, hits.row, hits.triangle, hits.weights,
-            )  # fmt: skip
-
-        self.in_packets(packets, work)
+        data = (
+            self._packet_scratch, scene, hits.origin, hits.directions, packets.order,
+            packets.starts, np.float32(low), np.float32(high), skip_row,
+            hits.t, hits.row, hits.triangle, hits.weights,
+        )  # fmt: skip
+        self.in_packets(share_cast_packets, data, packets)
         return hits
 
 

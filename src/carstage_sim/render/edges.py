@@ -7,14 +7,15 @@ it show already: such an **even** pixel becomes the weighted mean of the nine.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.kernels import device, kernel
-from carstage_sim.render.caster import WIDE_BAND, Hits, RayCaster, picture_packets
+from carstage_sim.render.caster import Hits, RayCaster, picture_packets
+from carstage_sim.render.crew import do
+from carstage_sim.render.film import EVEN, develop_even
 from carstage_sim.render.packet_simd import PACKET
 from carstage_sim.render.quality import Sampling
 from carstage_sim.render.scene import Frame
@@ -22,15 +23,15 @@ from carstage_sim.render.simd import lowest_bit
 from carstage_sim.render.surface import is_leaf
 from carstage_sim.render.vector_code import LANES, pixels_apart
 
-_BAND = WIDE_BAND // 2
+_BAND = 8192
 """Pixels per piece of work, in whole rows."""
 _BENT = np.float32(0.9)
 """Cosine between the normals of two neighbours below which they show different sides."""
 _MOTTLED = 5
 """Of the twelve pairs of pixels side by side in a square of nine, those that a leaf differs in from
 what is no leaf: an edge that runs straight through has at most four."""
-_ROUGH, EVEN = 1, 2
-"""Marks of pixels; 0 for those that one ray does justice to."""
+_ROUGH = 1
+"""Mark of a pixel, as :data:`EVEN`; 0 for those that one ray does justice to."""
 
 
 @device
@@ -61,7 +62,7 @@ def _unlike(static, actors, row, triangle, i, j):  # type: ignore[no-untyped-def
     return f[a, 0] * f[b, 0] + f[a, 1] * f[b, 1] + f[a, 2] * f[b, 2] < _BENT
 
 
-@kernel
+@device
 def _mark(static, actors, row, triangle, codes, strong, weak, first, last, marked):  # type: ignore[no-untyped-def]
     """Mark the pixels of some rows, and those right below, that differ too much from a neighbour.
 
@@ -148,13 +149,24 @@ def _is_even(row, triangle, leaf, i, width):  # type: ignore[no-untyped-def]
     return leaves == 9 or changes >= _MOTTLED
 
 
-@kernel
-def _find_leaves(static, actors, detail, row, triangle, first, last, leaf):  # type: ignore[no-untyped-def]
-    for i in range(first, last):
-        leaf[i] = _leaf_at(static, actors, detail, row, triangle, i)
+@device
+def _mark_part(  # type: ignore[no-untyped-def]
+    static, actors, detail, row, triangle, codes, strong, weak, leaf, marked, worker, first, last
+):
+    _mark(static, actors, row, triangle, codes, strong, weak, first, last, marked)
+    if leaf.shape[0]:
+        width = codes.shape[1]
+        for i in range(first * width, last * width):
+            leaf[i] = _leaf_at(static, actors, detail, row, triangle, i)
 
 
 @kernel
+def _mark_rough(data, board, job, work):  # type: ignore[no-untyped-def]
+    """Mark pixels of rows, and those right below; find which show leaves, if that is wanted."""
+    do(_mark_part, data, board, job, work)
+
+
+@device
 def _find_even(row, triangle, leaf, width, height, first, last, marked):  # type: ignore[no-untyped-def]
     """Mark those rough pixels of some rows for which what is around them does."""
     for y in range(max(first, 1), min(last, height - 1)):
@@ -162,6 +174,23 @@ def _find_even(row, triangle, leaf, width, height, first, last, marked):  # type
             i = y * width + x
             if marked[i] and _is_even(row, triangle, leaf, i, width):
                 marked[i] = EVEN
+
+
+@device
+def _even_part(  # type: ignore[no-untyped-def]
+    row, triangle, leaf, film, colours, pixels, marked, worker, first, last
+):
+    height, width = pixels.shape[0], pixels.shape[1]
+    _find_even(row, triangle, leaf, width, height, first, last, marked)
+    if colours.shape[0]:
+        flat = pixels.reshape(-1, 4)
+        develop_even(film, colours, marked, width, first * width, last * width, flat)
+
+
+@kernel
+def _find_and_develop_even(data, board, job, work):  # type: ignore[no-untyped-def]
+    """Mark even pixels of rows; develop them, if there are colours."""
+    do(_even_part, data, board, job, work)
 
 
 @kernel
@@ -205,7 +234,7 @@ def rough_pixels(
     hits: Hits,
     codes: NDArray[np.uint8],
     sampling: Sampling,
-    found_even: Callable[[NDArray[np.uint8], int, int], None] = lambda marks, first, last: None,
+    film: tuple[NDArray[np.uint8], NDArray[np.float32]] | None = None,
 ) -> Rough:
     """Look for them.
 
@@ -214,31 +243,23 @@ def rough_pixels(
         frame: what was seen.
         detail: ``(M,)`` uint8 pattern of each material.
         hits: of the pixel centres, row by row.
-        codes: ``(H, W, 4)`` uint8 of the pixel centres.
+        codes: ``(H, W, 4)`` uint8 of the pixel centres; even ones are developed anew.
         sampling: from which differences, and how many rays each gets.
-        found_even: called with all marks and a range of pixels in which the even ones are known.
+        film: codes of its gamma, and ``(H * W, 3)`` float32 colours; None leaves even pixels alone.
     """
     height, width = codes.shape[:2]
     marks = np.zeros(height * width, np.uint8)
-    met = frame.static, frame.actors
-    strong, weak = sampling.strong, sampling.weak
-
     leaf = np.empty(height * width if sampling.blend else 0, np.int8)
-
-    def mark(first: int, last: int) -> None:
-        _mark(*met, hits.row, hits.triangle, codes, strong, weak, first, last, marks)
-        if sampling.blend:
-            pixels = first * width, last * width
-            _find_leaves(*met, detail, hits.row, hits.triangle, *pixels, leaf)
-
-    def find_even(first: int, last: int) -> None:
-        _find_even(hits.row, hits.triangle, leaf, width, height, first, last, marks)
-        found_even(marks, first * width, last * width)
-
     rows = max(_BAND // width, 1)
-    caster.in_bands(height, mark, rows)
+    marking = (
+        frame.static, frame.actors, detail, hits.row, hits.triangle, codes,
+        sampling.strong, sampling.weak, leaf, marks,
+    )  # fmt: skip
+    caster.in_parts(_mark_rough, marking, height, rows)
     if sampling.blend:
-        caster.in_bands(height, find_even, rows)
+        gamma, colours = film or (np.empty(0, np.uint8), np.empty((0, 3), np.float32))
+        even = hits.row, hits.triangle, leaf, gamma, colours, codes, marks
+        caster.in_parts(_find_and_develop_even, even, height, rows)
     packets = picture_packets(width, height)
     pixels = np.empty(height * width, np.int32)
     begins = np.empty(height * width + 1, np.int32)

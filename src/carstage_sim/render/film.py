@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.kernels import device, kernel
-from carstage_sim.render.edges import EVEN
+from carstage_sim.render.crew import do
 from carstage_sim.render.sky import Lighting
 
 _STEPS: Any = np.float32(8191.0)
@@ -28,6 +28,10 @@ _MIDDLE: Any = np.float32(0.52)
 _BESIDE: Any = np.float32(0.1)
 _ACROSS: Any = np.float32(0.02)
 """Weights of a pixel, of those beside it and of those across, in the mean of nine."""
+
+
+EVEN = 2
+"""Mark of a pixel that becomes the mean of the nine around it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,32 +109,24 @@ def _develop(codes, red, green, blue, i, pixels):  # type: ignore[no-untyped-def
     pixels[i, 3] = 255
 
 
-@kernel
-def develop(codes, colours, first, last, pixels):  # type: ignore[no-untyped-def]
-    """Write ``(N, 4)`` uint8 BGRA of linear display light, as :meth:`Film.encode` codes it.
-
-    Args:
-        codes: of the film's gamma.
-        colours: ``(N, 3)`` float32, 0-1.
-        first, last: half-open range of pixels.
-        pixels: receives them.
-    """
+@device
+def _develop_part(codes, colours, pixels, worker, first, last):  # type: ignore[no-untyped-def]
     for i in range(first, last):
         _develop(codes, colours[i, 0], colours[i, 1], colours[i, 2], i, pixels)
 
 
 @kernel
-def develop_means(codes, colours, again, edges, first, last, pixels):  # type: ignore[no-untyped-def]
-    """As :func:`develop`, of pixels that several rays went through.
+def develop(data, board, job, work):  # type: ignore[no-untyped-def]
+    """Write ``(N, 4)`` uint8 BGRA of linear display light, as :meth:`Film.encode` codes it.
 
-    Args:
-        codes: of the film's gamma.
-        colours: ``(N, 3)`` float32 of the pixels' centres.
-        again: ``(E * K, 3)`` float32 of the other rays of each of these pixels.
-        edges: ``(E,)`` their numbers.
-        first, last: half-open range of ``edges``.
-        pixels: ``(N, 4)`` uint8 BGRA, receives them.
+    The data are codes of the film's gamma, ``(N, 3)`` float32 colours, 0-1, and what receives the
+    pixels.
     """
+    do(_develop_part, data, board, job, work)
+
+
+@device
+def _develop_means_part(codes, colours, again, edges, pixels, worker, first, last):  # type: ignore[no-untyped-def]
     samples = again.shape[0] // max(edges.shape[0], 1)
     share = np.float32(samples + 1)
     for e in range(first, last):
@@ -140,6 +136,17 @@ def develop_means(codes, colours, again, edges, first, last, pixels):  # type: i
             red, green, blue = red + again[k, 0], green + again[k, 1], blue + again[k, 2]
         red, green, blue = red + colours[i, 0], green + colours[i, 1], blue + colours[i, 2]
         _develop(codes, red / share, green / share, blue / share, i, pixels)
+
+
+@kernel
+def develop_means(data, board, job, work):  # type: ignore[no-untyped-def]
+    """As :func:`develop`, of pixels that several rays went through.
+
+    The data are codes of the film's gamma, ``(N, 3)`` float32 of the pixels' centres,
+    ``(E * K, 3)`` float32 of the other rays of each of these pixels, ``(E,)`` their numbers, and
+    ``(N, 4)`` uint8 BGRA that receives them. Its items are those numbers.
+    """
+    do(_develop_means_part, data, board, job, work)
 
 
 @device
@@ -153,7 +160,7 @@ def weight_in_mean(right, down):  # type: ignore[no-untyped-def]
     return _BESIDE if right + down == 1 else _ACROSS
 
 
-@kernel
+@device
 def develop_even(codes, colours, marks, width, first, last, pixels):  # type: ignore[no-untyped-def]
     """As :func:`develop`, of pixels that become the mean of the nine around them.
 

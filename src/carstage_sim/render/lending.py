@@ -8,7 +8,6 @@ few codes. So shadows and reflections along edges are shaded wherever they diffe
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from carstage_sim.kernels import device, kernel
 from carstage_sim.render.caster import Hits, Packets, RayCaster
+from carstage_sim.render.crew import do
 from carstage_sim.render.edges import Rough, alike
 from carstage_sim.render.packet_simd import PACKET
 from carstage_sim.render.scene import Frame
@@ -37,7 +37,7 @@ def _like(colours, i, j, codes):  # type: ignore[no-untyped-def]
     return True
 
 
-@kernel
+@device
 def _mix(  # type: ignore[no-untyped-def]
     static, actors, detail, row, triangle, width, height, colours, edges, towards, shares,
     first, last, again, open_,
@@ -70,18 +70,8 @@ def _mix(  # type: ignore[no-untyped-def]
                 again[ray, channel] = level + (under - level) * down
 
 
-@kernel
-def aim_again(directions, edges, offsets, wanted, first, last, rays):  # type: ignore[no-untyped-def]
-    """Directions of the extra rays of some rough pixels.
-
-    Args:
-        directions: ``(N, 3)`` float32 through the centres of the picture's pixels.
-        edges: ``(E,)`` int32 numbers of the rough pixels.
-        offsets: ``(K, 3)`` float32 from the direction through a pixel's centre to each other ray.
-        wanted: ``(E * K,)`` which rays are to be traced; the others stay unwritten.
-        first, last: half-open range of ``edges``.
-        rays: ``(E * K, 3)`` float32 receives them.
-    """
+@device
+def _aim_part(directions, edges, offsets, wanted, rays, worker, first, last):  # type: ignore[no-untyped-def]
     samples = offsets.shape[0]
     for e in range(first, last):
         pixel = edges[e]
@@ -93,9 +83,40 @@ def aim_again(directions, edges, offsets, wanted, first, last, rays):  # type: i
 
 
 @kernel
-def _lend(  # type: ignore[no-untyped-def]
-    row, triangle, width, height, colours, edges, towards, row_of, triangle_of, rays, first, last,
-    again, open_,
+def aim_again(data, board, job, work):  # type: ignore[no-untyped-def]
+    """Directions of the extra rays of some rough pixels.
+
+    The data are ``(N, 3)`` float32 directions through the centres of the picture's pixels, ``(E,)``
+    int32 numbers of the rough pixels, ``(K, 3)`` float32 from the direction through a pixel's
+    centre to each other ray, ``(E * K,)`` which rays are to be traced, as the others stay
+    unwritten, and ``(E * K, 3)`` float32 that receives them. Its items are the rough pixels.
+    """
+    do(_aim_part, data, board, job, work)
+
+
+@device
+def _mix_part(  # type: ignore[no-untyped-def]
+    static, actors, detail, row, triangle, width, height, colours, edges, towards, shares,
+    again, open_, directions, offsets, rays, worker, first, last,
+):  # fmt: skip
+    _mix(
+        static, actors, detail, row, triangle, width, height, colours, edges, towards, shares,
+        first, last, again, open_,
+    )  # fmt: skip
+    if directions.shape[0]:
+        _aim_part(directions, edges, offsets, open_, rays, worker, first, last)
+
+
+@kernel
+def _mix_and_aim(data, board, job, work):  # type: ignore[no-untyped-def]
+    """Mix the extra rays of pixels; aim those that are left open, if there are directions."""
+    do(_mix_part, data, board, job, work)
+
+
+@device
+def _lend_part(  # type: ignore[no-untyped-def]
+    row, triangle, width, height, colours, edges, towards, row_of, triangle_of, rays,
+    again, open_, worker, first, last,
 ):  # fmt: skip
     """Give the extra rays of pixels the colour of a pixel beside them, or leave them open."""
     samples = towards.shape[0]
@@ -120,6 +141,12 @@ def _lend(  # type: ignore[no-untyped-def]
         if found >= 0 and agree:
             for channel in range(3):
                 again[ray, channel] = colours[found, channel]
+
+
+@kernel
+def _lend(data, board, job, work):  # type: ignore[no-untyped-def]
+    """Give the extra rays of pixels the colour of a pixel beside them, or leave them open."""
+    do(_lend_part, data, board, job, work)
 
 
 @kernel
@@ -171,7 +198,7 @@ def mixed(
     offsets: NDArray[np.float32],
     packets: Packets,
     out: NDArray[np.float32],
-    found_open: Callable[[NDArray[np.bool_], int, int], None] = lambda open_, first, last: None,
+    aim: tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]] | None = None,
 ) -> Packets:
     """Colour the extra rays amid pixels that show one surface; which are still to be traced.
 
@@ -186,20 +213,16 @@ def mixed(
         offsets: ``(K, 2)`` where, right and down from a pixel's centre, in pixels.
         packets: all extra rays, those that run side by side together.
         out: ``(E * K, 3)`` receives their colours.
-        found_open: called with which rays are still to be traced, and a range of ``edges`` for
-            whose rays that is known.
+        aim: for those still to be traced: directions through the pixels' centres, how far from
+            them each extra ray is, and what receives their own; see :func:`aim_again`.
     """
     open_ = np.empty(len(out), np.bool_)
     towards, shares = _towards(offsets), np.abs(offsets)
-
-    def work(first: int, last: int) -> None:
-        _mix(
-            frame.static, frame.actors, detail, hits.row, hits.triangle, *size, colours, edges,
-            towards, shares, first, last, out, open_,
-        )  # fmt: skip
-        found_open(open_, first, last)
-
-    caster.in_bands(len(edges), work)
+    data = (
+        frame.static, frame.actors, detail, hits.row, hits.triangle, *size, colours, edges,
+        towards, shares, out, open_, *(aim or [np.empty((0, 3), np.float32)] * 3),
+    )  # fmt: skip
+    caster.in_parts(_mix_and_aim, data, len(edges))
     return _packed(open_, packets)
 
 
@@ -230,12 +253,9 @@ def lent(
     """
     open_ = np.empty(len(out), np.bool_)
     towards = _towards(offsets)
-
-    def work(first: int, last: int) -> None:
-        _lend(
-            hits.row, hits.triangle, *size, colours, edges, towards, again.row, again.triangle,
-            packets.order, first, last, out, open_,
-        )  # fmt: skip
-
-    caster.in_bands(len(packets.order), work)
+    data = (
+        hits.row, hits.triangle, *size, colours, edges, towards, again.row, again.triangle,
+        packets.order, out, open_,
+    )  # fmt: skip
+    caster.in_parts(_lend, data, len(packets.order))
     return _packed(open_, packets)

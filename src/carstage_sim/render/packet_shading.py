@@ -26,7 +26,12 @@ from carstage_sim.render.incoming_light import (
     sun_start,
 )
 from carstage_sim.render.packet_simd import PACKET
-from carstage_sim.render.packets import TOGETHER, PacketScratch, new_packet_scratch
+from carstage_sim.render.packets import (
+    TOGETHER,
+    PacketScratch,
+    new_packet_scratch,
+    packet_scratch_of,
+)
 from carstage_sim.render.shading import (
     SKY_M,
     any_lamp_on,
@@ -108,6 +113,16 @@ def new_shade_scratch() -> ShadeScratch:
         np.empty(_GLOW + 3 * _ROW, np.float32),
         np.empty((5, TOGETHER), np.float32),
     )
+
+
+@device
+def shade_scratch_of(memory, worker):  # type: ignore[no-untyped-def]
+    """That of one thread, of :func:`carstage_sim.render.crew.for_workers`."""
+    return ShadeScratch(
+        packet_scratch_of(memory.packet, worker), memory.free[worker], memory.sunlit[worker],
+        memory.covered[worker], memory.which[worker], memory.seen[worker], memory.gloss[worker],
+        memory.sky[worker],
+    )  # fmt: skip
 
 
 @device

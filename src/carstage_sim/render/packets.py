@@ -24,7 +24,15 @@ from carstage_sim.render.beam_simd import (
     shear_rays,
     triangles_in_beam,
 )
-from carstage_sim.render.cast import NOTHING, STATIC, Scratch, new_scratch, trace, trace_actors
+from carstage_sim.render.cast import (
+    NOTHING,
+    STATIC,
+    Scratch,
+    new_scratch,
+    scratch_of,
+    trace,
+    trace_actors,
+)
 from carstage_sim.render.leaf_lanes import on_leaves
 from carstage_sim.render.packet_simd import PACKET, largest
 from carstage_sim.render.simd import lowest_bit
@@ -109,6 +117,18 @@ def new_packet_scratch() -> PacketScratch:
         np.empty(TOGETHER, np.int32),
         np.empty(PACKET, np.int32),
     )
+
+
+@device
+def packet_scratch_of(memory, worker):  # type: ignore[no-untyped-def]
+    """That of one thread, of :func:`carstage_sim.render.crew.for_workers`."""
+    return PacketScratch(
+        scratch_of(memory.single, worker), memory.ways[worker], memory.rays[worker],
+        memory.weights[worker], memory.triangle[worker], memory.beam[worker], memory.axes[worker],
+        memory.slopes[worker], memory.places[worker], memory.found[worker], memory.starts[worker],
+        memory.from_[worker], memory.wanted[worker], memory.met[worker], memory.open[worker],
+        memory.group[worker],
+    )  # fmt: skip
 
 
 @device

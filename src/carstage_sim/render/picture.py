@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,15 +10,15 @@ from numpy.typing import NDArray
 from carstage_sim.render.bvh import build_tree, refitted_tree
 from carstage_sim.render.cast import NOTHING
 from carstage_sim.render.caster import (
-    WIDE_BAND,
     Hits,
     Packets,
     RayCaster,
     picture_packets,
     unwritten_hits,
 )
+from carstage_sim.render.crew import for_workers
 from carstage_sim.render.edges import rough_pixels
-from carstage_sim.render.film import Film, develop, develop_even, develop_means, film_codes
+from carstage_sim.render.film import Film, develop, develop_means, film_codes
 from carstage_sim.render.lending import aim_again, extra_rays, lent, mixed
 from carstage_sim.render.materials import material_table
 from carstage_sim.render.motion import earlier_places, no_motion
@@ -30,7 +29,6 @@ from carstage_sim.render.quality import SAMPLING, Quality
 from carstage_sim.render.scene import Frame, SceneStore
 from carstage_sim.render.shading import RayHits, ShadedFrame
 from carstage_sim.render.shared_kernels import share_shade_packets
-from carstage_sim.render.sharing import OfEachThread
 from carstage_sim.render.sky import Lighting, SkyModel
 from carstage_sim.world.debug_shapes import DebugShapes
 from carstage_sim.world.state import Weather
@@ -76,7 +74,7 @@ class PictureMaker:
         self._epic = quality is Quality.EPIC
         self._sampling = SAMPLING[quality]
         self._materials = material_table()
-        self._scratch = OfEachThread(new_shade_scratch)
+        self._scratch = for_workers(caster.crew, new_shade_scratch())
         self.sky = SkyModel()
 
     def warm_up_rays(self, store: SceneStore) -> None:
@@ -103,20 +101,18 @@ class PictureMaker:
         nowhere = (np.zeros(2), np.zeros(2))
         earlier_places(no_motion(0), hits, nowhere, (1.0, 1.0), 0, 2)
         film, pixels = Film(), np.zeros((1, 2, 4), np.uint8)
-        marks = rough_pixels(
+        rough_pixels(
             self._caster, frame, self._materials.detail, hits, pixels, SAMPLING[Quality.LOW]
-        ).marks
-        aim_again(
-            hits.directions, packets.order, np.zeros((1, 3), np.float32), np.ones(2, np.bool_),
-            0, 2, colours.copy(),
-        )  # fmt: skip
+        )
+        offsets, every = np.zeros((1, 3), np.float32), np.ones(2, np.bool_)
+        aim = hits.directions, packets.order, offsets, every, colours.copy()
+        self._caster.in_parts(aim_again, aim, 2)
         mixed(
             self._caster, frame, self._materials.detail, hits, (2, 1), colours, packets.order,
             middle, packets, colours.copy(),
         )  # fmt: skip
         nothing = np.zeros((2, 3), np.float32)
         self._develop(film, nothing, pixels)
-        _develop_even(film_codes(film.gamma), nothing, pixels, marks, 0, 2)
         self._develop_means(film, nothing, nothing, np.arange(2, dtype=np.int32), pixels)
         line = np.array([[[2.0, 0.0, 0.0], [2.0, 1.0, 0.0]]])
         draw_shapes(
@@ -145,13 +141,10 @@ class PictureMaker:
             skip_row, np.float32(pixel_angle),
         )  # fmt: skip
 
-        def work(parts: NDArray[np.int64]) -> None:
-            share_shade_packets(
-                shaded, rays, self._scratch(), self._epic, packets.order, packets.starts,
-                parts, colours,
-            )  # fmt: skip
-
-        self._caster.in_packets(packets, work)
+        data = (
+            self._scratch, shaded, rays, self._epic, packets.order, packets.starts, colours
+        )  # fmt: skip
+        self._caster.in_packets(share_shade_packets, data, packets)
 
     def paint(self, frame: Frame, picture: Picture, light: Lighting) -> NDArray[np.uint8]:
         """``(H, W, 3)`` uint8 sRGB picture; pixels on edges are the mean of several rays.
@@ -172,7 +165,7 @@ class PictureMaker:
         places = self._sampling.offsets
         rough = rough_pixels(
             self._caster, frame, self._materials.detail, picture.hits, pixels, self._sampling,
-            partial(_develop_even, film_codes(picture.film.gamma), colours, pixels),
+            (film_codes(picture.film.gamma), colours),
         )  # fmt: skip
         edges = rough.pixels
         if len(edges):
@@ -183,16 +176,14 @@ class PictureMaker:
             size = (picture.width, picture.height)
             again = np.empty((len(edges) * len(places), 3), np.float32)
             packets, rays = extra_rays(rough, len(places)), np.empty_like(again)
-
-            def aim(wanted: NDArray[np.bool_], first: int, last: int) -> None:
-                aim_again(picture.hits.directions, edges, offsets, wanted, first, last, rays)
-
             if self._epic:
-                self._caster.in_bands(len(edges), partial(aim, np.ones(len(rays), np.bool_)))
+                every = np.ones(len(rays), np.bool_)
+                aim = picture.hits.directions, edges, offsets, every, rays
+                self._caster.in_parts(aim_again, aim, len(edges))
             else:
                 packets = mixed(
                     self._caster, frame, self._materials.detail, picture.hits, size, colours,
-                    edges, places, packets, again, aim,
+                    edges, places, packets, again, (picture.hits.directions, offsets, rays),
                 )  # fmt: skip
             hits = self._caster.cast_together(
                 frame.scene,
@@ -214,10 +205,8 @@ class PictureMaker:
         return pixels
 
     def _develop(self, film: Film, colours: NDArray[np.float32], pixels: NDArray[np.uint8]) -> None:
-        codes, flat = film_codes(film.gamma), pixels.reshape(-1, 4)
-        self._caster.in_bands(
-            len(colours), lambda first, last: develop(codes, colours, first, last, flat), WIDE_BAND
-        )
+        data = film_codes(film.gamma), colours, pixels.reshape(-1, 4)
+        self._caster.in_parts(develop, data, len(colours))
 
     def _develop_means(
         self,
@@ -227,12 +216,8 @@ class PictureMaker:
         edges: NDArray[np.int32],
         pixels: NDArray[np.uint8],
     ) -> None:
-        codes, flat = film_codes(film.gamma), pixels.reshape(-1, 4)
-
-        def work(first: int, last: int) -> None:
-            develop_means(codes, colours, again, edges, first, last, flat)
-
-        self._caster.in_bands(len(edges), work)
+        data = film_codes(film.gamma), colours, again, edges, pixels.reshape(-1, 4)
+        self._caster.in_parts(develop_means, data, len(edges))
 
 
 def _nothing_met() -> tuple[Hits, Packets]:
@@ -244,18 +229,6 @@ def _nothing_met() -> tuple[Hits, Packets]:
     hits.triangle.fill(-1)
     hits.weights.fill(0.0)
     return hits, picture_packets(2, 1)
-
-
-def _develop_even(
-    codes: NDArray[np.uint8],
-    colours: NDArray[np.float32],
-    pixels: NDArray[np.uint8],
-    marks: NDArray[np.uint8],
-    first: int,
-    last: int,
-) -> None:
-    """Develop the even pixels of a range."""
-    develop_even(codes, colours, marks, pixels.shape[1], first, last, pixels.reshape(-1, 4))
 
 
 def _draw(shapes: DebugShapes, picture: Picture, codes: NDArray[np.uint8]) -> None:

@@ -1,47 +1,60 @@
-"""The kernels of rays and colours, for threads that take the rays part by part."""
+"""The kernels of rays and colours, for a crew of threads that takes the rays part by part.
+
+Each has the data of what it names, the working memory of all threads first, then the crew's board,
+the job's row there, and its items.
+"""
 
 from __future__ import annotations
 
-from carstage_sim.kernels import kernel
-from carstage_sim.render.cast import cast_rays
-from carstage_sim.render.packet_shading import shade_packets
-from carstage_sim.render.packets import cast_packets
-from carstage_sim.render.sharing import take
+from carstage_sim.kernels import device, kernel
+from carstage_sim.render.cast import cast_rays, scratch_of
+from carstage_sim.render.crew import do
+from carstage_sim.render.packet_shading import shade_packets, shade_scratch_of
+from carstage_sim.render.packets import cast_packets, packet_scratch_of
 
 
-@kernel
-def share_cast_rays(  # type: ignore[no-untyped-def]
-    scene, scratch, origins, directions, low, high, skip, parts, t, row, triangle, weights
-):
-    """As :func:`carstage_sim.render.cast.cast_rays`, of ``parts`` of the rays."""
-    first, last = take(parts)
-    while first < last:
-        cast_rays(
-            scene, scratch, origins, directions, low, high, skip, first, last,
-            t, row, triangle, weights,
-        )  # fmt: skip
-        first, last = take(parts)
-
-
-@kernel
-def share_cast_packets(  # type: ignore[no-untyped-def]
-    scene, memory, origin, directions, order, starts, low, high, skip, parts,
-    t, row, triangle, weights,
+@device
+def _cast_part(  # type: ignore[no-untyped-def]
+    scratch, scene, origins, directions, low, high, skip, t, row, triangle, weights,
+    worker, first, last,
 ):  # fmt: skip
-    """As :func:`carstage_sim.render.packets.cast_packets`, of ``parts`` of the packets."""
-    first, last = take(parts)
-    while first < last:
-        cast_packets(
-            scene, memory, origin, directions, order, starts, low, high, skip, first, last,
-            t, row, triangle, weights,
-        )  # fmt: skip
-        first, last = take(parts)
+    cast_rays(
+        scene, scratch_of(scratch, worker), origins, directions, low, high, skip, first, last,
+        t, row, triangle, weights,
+    )  # fmt: skip
 
 
 @kernel
-def share_shade_packets(frame, rays, memory, epic, order, starts, parts, out):  # type: ignore[no-untyped-def]
-    """As :func:`carstage_sim.render.shading.shade_packets`, of ``parts`` of the packets."""
-    first, last = take(parts)
-    while first < last:
-        shade_packets(frame, rays, memory, epic, order, starts, first, last, out)
-        first, last = take(parts)
+def share_cast_rays(data, board, job, work):  # type: ignore[no-untyped-def]
+    """As :func:`carstage_sim.render.cast.cast_rays`."""
+    do(_cast_part, data, board, job, work)
+
+
+@device
+def _cast_packets_part(  # type: ignore[no-untyped-def]
+    memory, scene, origin, directions, order, starts, low, high, skip, t, row, triangle, weights,
+    worker, first, last,
+):  # fmt: skip
+    cast_packets(
+        scene, packet_scratch_of(memory, worker), origin, directions, order, starts, low, high,
+        skip, first, last, t, row, triangle, weights,
+    )  # fmt: skip
+
+
+@kernel
+def share_cast_packets(data, board, job, work):  # type: ignore[no-untyped-def]
+    """As :func:`carstage_sim.render.packets.cast_packets`."""
+    do(_cast_packets_part, data, board, job, work)
+
+
+@device
+def _shade_part(memory, frame, rays, epic, order, starts, out, worker, first, last):  # type: ignore[no-untyped-def]
+    shade_packets(
+        frame, rays, shade_scratch_of(memory, worker), epic, order, starts, first, last, out
+    )
+
+
+@kernel
+def share_shade_packets(data, board, job, work):  # type: ignore[no-untyped-def]
+    """As :func:`carstage_sim.render.shading.shade_packets`."""
+    do(_shade_part, data, board, job, work)

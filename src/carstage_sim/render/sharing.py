@@ -1,7 +1,7 @@
-"""Threads that share a piece of work: each takes the next part of it until nothing is left.
+"""Threads that share work in Python: each takes the next part of it until nothing is left.
 
-Where parts are small, a kernel takes them itself (:func:`take`), without the interpreter: a thread
-then calls it once, however many parts there are.
+Work that is compiled as a whole belongs to a :class:`carstage_sim.render.crew.Crew`, which begins
+sooner.
 """
 
 from __future__ import annotations
@@ -9,66 +9,6 @@ from __future__ import annotations
 import queue
 import threading
 from collections.abc import Callable
-from typing import Any, Generic, TypeVar
-
-import numpy as np
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
-from numba.np.arrayobj import make_array
-from numpy.typing import NDArray
-
-from carstage_sim.kernels import Decorator, device
-
-_intrinsic: Decorator = intrinsic
-_array_struct: Any = make_array
-_NEXT, _COUNT, _SIZE = 0, 1, 2
-
-_Made = TypeVar("_Made")
-
-
-def parts_of(count: int, size: int, first: int = 0) -> NDArray[np.int64]:
-    """``range(first, count)`` in parts of a size, for threads that :func:`take` them."""
-    return np.array([first, count, size], np.int64)
-
-
-@_intrinsic
-def _add_at_once(typing_context, numbers, amount):  # type: ignore[no-untyped-def]
-    """Add to the first of some int64 as one step for all threads; its value before."""
-
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        data = _array_struct(signature.args[0])(context, builder, args[0]).data
-        by = context.cast(builder, args[1], signature.args[1], types.int64)
-        pointer = builder.bitcast(data, ir.IntType(64).as_pointer())
-        return builder.atomic_rmw("add", pointer, by, "monotonic")
-
-    return types.int64(numbers, amount), codegen
-
-
-@device
-def take(parts):  # type: ignore[no-untyped-def]
-    """The next part, ``first`` to ``last``, of :func:`parts_of`; an empty one at the end."""
-    first = _add_at_once(parts, parts[_SIZE])
-    return min(first, parts[_COUNT]), min(first + parts[_SIZE], parts[_COUNT])
-
-
-class OfEachThread(Generic[_Made]):
-    """Something that each thread has for itself, made when it first asks.
-
-    Args:
-        make: makes it.
-    """
-
-    def __init__(self, make: Callable[[], _Made]) -> None:
-        self._make = make
-        self._known = threading.local()
-
-    def __call__(self) -> _Made:
-        """That of the calling thread."""
-        made: _Made | None = getattr(self._known, "made", None)
-        if made is None:
-            made = self._known.made = self._make()
-        return made
 
 
 class _Job:

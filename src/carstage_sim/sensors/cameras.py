@@ -13,17 +13,17 @@ from carstage_sim.maps.town import Town
 from carstage_sim.render.caster import Hits
 from carstage_sim.render.film import Film
 from carstage_sim.render.gpu.camera import Product
-from carstage_sim.sensors.attributes import number, require, whole, within
-from carstage_sim.sensors.lens import Lens
-from carstage_sim.sensors.measurements import ImageFrame, SensorRequest
-from carstage_sim.sensors.pixel_kernels import (
-    InBands,
+from carstage_sim.render.pixel_kernels import (
+    InParts,
     bytes_of,
     depth_words,
     in_one,
     instance_words,
     normal_words,
 )
+from carstage_sim.sensors.attributes import number, require, whole, within
+from carstage_sim.sensors.lens import Lens
+from carstage_sim.sensors.measurements import ImageFrame, SensorRequest
 from carstage_sim.sensors.sensor import MeasuringSensor, SensorRegistry
 from carstage_sim.sensors.view import Camera, View
 from carstage_sim.world.state import WorldState
@@ -33,46 +33,46 @@ MOST_PIXELS = 7680 * 4320
 _MOST_STOPS = 30.0
 
 
-def encode_depth(depth_m: NDArray[np.floating], in_bands: InBands = in_one) -> NDArray[np.uint8]:
+def encode_depth(depth_m: NDArray[np.floating], in_parts: InParts = in_one) -> NDArray[np.uint8]:
     """``(..., 4)`` BGRA bytes of depths in metres: 24 bits over 1000 m, low byte in R.
 
     CARLA sensor reference, "Depth camera"; depths beyond 1000 m and NaN read as 1000 m.
 
     Args:
         depth_m: of any shape.
-        in_bands: does the work, perhaps in several threads.
+        in_parts: does the work, perhaps in several threads.
     """
     flat, words = np.ravel(depth_m), np.empty(depth_m.size, "<u4")
-    in_bands(len(flat), lambda first, last: depth_words(flat, first, last, words))
+    in_parts(depth_words, (flat, words), len(flat))
     return bytes_of(words, depth_m.shape)
 
 
-def encode_tags(tags: NDArray[np.uint8], in_bands: InBands = in_one) -> NDArray[np.uint8]:
+def encode_tags(tags: NDArray[np.uint8], in_parts: InParts = in_one) -> NDArray[np.uint8]:
     """``(..., 4)`` BGRA bytes of a semantic picture: the tag in R.
 
     Args:
         tags: of any shape.
-        in_bands: does the work, perhaps in several threads.
+        in_parts: does the work, perhaps in several threads.
     """
-    return encode_instances(tags, np.zeros(tags.shape, np.uint16), in_bands)
+    return encode_instances(tags, np.zeros(tags.shape, np.uint16), in_parts)
 
 
 def encode_instances(
-    tags: NDArray[np.uint8], ids: NDArray[np.uint16], in_bands: InBands = in_one
+    tags: NDArray[np.uint8], ids: NDArray[np.uint16], in_parts: InParts = in_one
 ) -> NDArray[np.uint8]:
     """``(..., 4)`` BGRA bytes of an instance picture: tag in R, id low byte in G, high in B.
 
     Args:
         tags: of any shape.
         ids: of the same shape.
-        in_bands: does the work, perhaps in several threads.
+        in_parts: does the work, perhaps in several threads.
     """
     flat, numbers, words = np.ravel(tags), np.ravel(ids), np.empty(tags.size, "<u4")
-    in_bands(len(flat), lambda first, last: instance_words(flat, numbers, first, last, words))
+    in_parts(instance_words, (flat, numbers, words), len(flat))
     return bytes_of(words, tags.shape)
 
 
-def encode_normals(normals: NDArray[np.floating], in_bands: InBands = in_one) -> NDArray[np.uint8]:
+def encode_normals(normals: NDArray[np.floating], in_parts: InParts = in_one) -> NDArray[np.uint8]:
     """``(..., 4)`` BGRA bytes of ``(..., 3)`` world normals: x in R, y in G, z in B.
 
     Each component goes from [-1, 1] to [0, 255] (CARLA since 0.9.16, pull request 8810); so the
@@ -80,12 +80,12 @@ def encode_normals(normals: NDArray[np.floating], in_bands: InBands = in_one) ->
 
     Args:
         normals: of any shape.
-        in_bands: does the work, perhaps in several threads.
+        in_parts: does the work, perhaps in several threads.
     """
     shape = normals.shape[:-1]
     flat = np.ascontiguousarray(normals, np.float32).reshape(-1, 3)
     words = np.empty(len(flat), "<u4")
-    in_bands(len(flat), lambda first, last: normal_words(flat, first, last, words))
+    in_parts(normal_words, (flat, words), len(flat))
     return bytes_of(words, shape)
 
 
@@ -163,6 +163,7 @@ class RgbCamera(CameraSensor):
 
     may_be_late = True
     beside_others = True
+    many_steps = True
 
     def __init__(self, request: SensorRequest, town: Town) -> None:
         super().__init__(request, town)
@@ -206,7 +207,7 @@ class DepthCamera(HitCamera):
 
     def encoded(self, view: View, hits: Hits) -> NDArray[np.uint8]:
         """The depth."""
-        return encode_depth(hits.t, view.in_bands)
+        return encode_depth(hits.t, view.in_parts)
 
 
 @SensorRegistry.register("sensor.camera.semantic_segmentation")
@@ -217,7 +218,7 @@ class SemanticCamera(HitCamera):
 
     def encoded(self, view: View, hits: Hits) -> NDArray[np.uint8]:
         """The tags."""
-        return encode_tags(view.tags(hits), view.in_bands)
+        return encode_tags(view.tags(hits), view.in_parts)
 
 
 @SensorRegistry.register("sensor.camera.instance_segmentation")
@@ -228,7 +229,7 @@ class InstanceCamera(HitCamera):
 
     def encoded(self, view: View, hits: Hits) -> NDArray[np.uint8]:
         """Tags and ids."""
-        return encode_instances(view.tags(hits), view.instance_ids(hits), view.in_bands)
+        return encode_instances(view.tags(hits), view.instance_ids(hits), view.in_parts)
 
 
 @SensorRegistry.register("sensor.camera.normals")
@@ -239,4 +240,4 @@ class NormalsCamera(HitCamera):
 
     def encoded(self, view: View, hits: Hits) -> NDArray[np.uint8]:
         """The normals."""
-        return encode_normals(view.smooth_normals(hits), view.in_bands)
+        return encode_normals(view.smooth_normals(hits), view.in_parts)

@@ -23,7 +23,6 @@ from carstage_sim.render.scene import Frame
 from carstage_sim.sensors.cameras import CameraSensor
 from carstage_sim.sensors.lens import PINHOLE, pixel_places
 from carstage_sim.sensors.measurements import FlowFrame, SensorRequest
-from carstage_sim.sensors.pixel_kernels import InBands
 from carstage_sim.sensors.sensor import SensorRegistry
 from carstage_sim.sensors.view import View
 from carstage_sim.world.state import ActorKind, WorldState
@@ -92,9 +91,9 @@ class OpticalFlowCamera(CameraSensor):
                 flow = made.view(np.float32).reshape(self.height, self.width, 2)
                 return FlowFrame(self.fov_deg, flow)
         hits = view.camera(self.camera(request))
-        return FlowFrame(self.fov_deg, self._flow(motions, hits, view.in_bands))
+        return FlowFrame(self.fov_deg, self._flow(motions, hits, view))
 
-    def _flow(self, motions: Motions, hits: Hits, in_bands: InBands) -> NDArray[np.float32]:
+    def _flow(self, motions: Motions, hits: Hits, view: View) -> NDArray[np.float32]:
         """``(H, W, 2)`` motion of all pixels."""
         half_width = math.tan(math.radians(self.fov_deg) / 2.0)
         half_height = half_width * self.height / self.width
@@ -114,7 +113,7 @@ class OpticalFlowCamera(CameraSensor):
             np.subtract(y_before, y[first:last], out=band[:, 1], casting="same_kind")
             np.clip(band, -_LARGEST, _LARGEST, out=band)
 
-        in_bands(len(flow), work)
+        view.in_bands(len(flow), work)
         return flow.reshape(self.height, self.width, 2)
 
 

@@ -128,6 +128,7 @@ class RotatingLidar(MeasuringSensor):
     """
 
     beside_others = True
+    many_steps = True
 
     def __init__(self, request: SensorRequest, town: Town) -> None:
         super().__init__(request, town)

@@ -31,11 +31,14 @@ class Sensor(ABC):
             and pays for those that take long.
         beside_others: whether its reports may be made in another thread than those of other
             sensors, at the same time. It then shares nothing with them but the view.
+        many_steps: whether its reports take many steps one after the other. They are begun first:
+            other reports then fill the gaps, not the end.
     """
 
     looks: ClassVar[bool] = True
     may_be_late: ClassVar[bool] = False
     beside_others: ClassVar[bool] = False
+    many_steps: ClassVar[bool] = False
 
     def __init__(self, request: SensorRequest, town: Town) -> None:
         self.request = request

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from threading import Lock
 from typing import Generic, TypeVar
 
-_MOST_AT_ONCE = 4
+_MOST_AT_ONCE = 8
 _MOST_PIXELS = 2_000_000
 """Of pictures that are made at once; a larger one is made alone, whatever its size."""
 
@@ -56,7 +56,7 @@ class SideBySide:
     """Threads for pieces of work that wait for others most of the time.
 
     Args:
-        at_once: pieces at the same time, at most four; one is done by the caller.
+        at_once: pieces at the same time, at most eight; one is done by the caller.
     """
 
     def __init__(self, at_once: int) -> None:

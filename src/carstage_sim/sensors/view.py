@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,22 +15,23 @@ from numpy.typing import NDArray
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.render.cast import NOTHING, STATIC, Scene
-from carstage_sim.render.caster import WIDE_BAND, Hits, RayCaster, picture_packets
+from carstage_sim.render.caster import Hits, RayCaster, picture_packets
+from carstage_sim.render.crew import Shared
 from carstage_sim.render.film import Film
 from carstage_sim.render.gpu.camera import GpuCameras, Pending, Product, Shot
 from carstage_sim.render.motion import Motions
 from carstage_sim.render.normals import smooth_normals
 from carstage_sim.render.picture import Picture, PictureMaker
-from carstage_sim.render.scene import Frame
-from carstage_sim.sensors.lens import PINHOLE, Lens, pixel_places
-from carstage_sim.sensors.pixel_kernels import (
+from carstage_sim.render.pixel_kernels import (
     FAR_M,
-    InBands,
+    InParts,
     hit_ids,
     hit_tags,
     in_one,
     ray_directions,
 )
+from carstage_sim.render.scene import Frame
+from carstage_sim.sensors.lens import PINHOLE, Lens, pixel_places
 from carstage_sim.sensors.side_by_side import Once
 from carstage_sim.world.debug_shapes import DebugShapes
 from carstage_sim.world.state import Weather
@@ -83,19 +85,19 @@ def _slope_pairs(width: int, height: int, fov_deg: float, lens: Lens) -> NDArray
     return np.stack(_pixel_slopes(width, height, fov_deg, lens), axis=1)
 
 
-def pixel_rays(camera: Camera, in_bands: InBands = in_one) -> NDArray[np.float32]:
+def pixel_rays(camera: Camera, in_parts: InParts = in_one) -> NDArray[np.float32]:
     """``(H * W, 3)`` float32 world directions through the pixel centres, row by row.
 
     Their component along the optical axis is 1, so a ray's parameter is the depth.
 
     Args:
         camera: who looks.
-        in_bands: does the work, perhaps in several threads.
+        in_parts: does the work, perhaps in several threads.
     """
     right, up = _pixel_slopes(camera.width, camera.height, camera.fov_deg, camera.lens)
     rotation = np.ascontiguousarray(rotation_matrix(camera.rotation_deg))
     rays = np.empty((len(right), 3), np.float32)
-    in_bands(len(rays), lambda first, last: ray_directions(rotation, right, up, first, last, rays))
+    in_parts(ray_directions, (rotation, right, up, rays), len(rays))
     return rays
 
 
@@ -157,7 +159,11 @@ class View:
 
     def in_bands(self, count: int, work: Callable[[int, int], None]) -> None:
         """Call ``work(first, last)`` on bands of pixels, in several threads."""
-        self._caster.in_bands(count, work, WIDE_BAND)
+        self._caster.in_bands(count, work)
+
+    def in_parts(self, shared: Shared, data: tuple[Any, ...], count: int) -> None:
+        """Have a kernel cover a number of pixels, in several threads."""
+        self._caster.in_parts(shared, data, count)
 
     @property
     def frame(self) -> Frame:
@@ -264,7 +270,7 @@ class View:
         return self._caster.cast_together(
             self.frame.scene,
             np.asarray(camera.location),
-            pixel_rays(camera, self.in_bands),
+            pixel_rays(camera, self.in_parts),
             picture_packets(camera.width, camera.height),
             low=NEAR_M,
             high=FAR_M,
@@ -373,14 +379,9 @@ class View:
         """``(N,)`` uint8 semantic tag of each ray; the sky's for rays that met nothing."""
         tags = np.empty(len(hits.row), np.uint8)
         of_town, of_actors = self.frame.static.tag, self.frame.actors.tag
-
-        def work(first: int, last: int) -> None:
-            hit_tags(
-                hits.row, hits.triangle, STATIC, of_town, of_actors, int(CityObjectLabel.SKY),
-                first, last, tags,
-            )  # fmt: skip
-
-        self.in_bands(len(tags), work)
+        sky = int(CityObjectLabel.SKY)
+        data = hits.row, hits.triangle, STATIC, of_town, of_actors, sky, tags
+        self.in_parts(hit_tags, data, len(tags))
         return tags
 
     def instance_ids(self, hits: Hits) -> NDArray[np.uint16]:
@@ -391,11 +392,8 @@ class View:
         """
         ids = np.empty(len(hits.row), np.uint16)
         objects, actor_id = self.frame.static.object_id, self.frame.actor_id
-
-        def work(first: int, last: int) -> None:
-            hit_ids(hits.row, hits.triangle, STATIC, objects, actor_id, first, last, ids)
-
-        self.in_bands(len(ids), work)
+        data = hits.row, hits.triangle, STATIC, objects, actor_id, ids
+        self.in_parts(hit_ids, data, len(ids))
         return ids
 
     def actor_ids(self, hits: Hits) -> NDArray[np.uint32]:

@@ -123,8 +123,8 @@ class WorldSensors:
         ahead = np.array([[1.0, 0.0, 0.0]], np.float32)
         view.camera(Camera(2, 1, 90.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0))
         hits = view.rays((0.0, 0.0, 0.0), ahead, high=1.0, owner_id=0)
-        cameras.encode_depth(hits.t, view.in_bands)
-        cameras.encode_instances(view.tags(hits), view.instance_ids(hits), view.in_bands)
+        cameras.encode_depth(hits.t, view.in_parts)
+        cameras.encode_instances(view.tags(hits), view.instance_ids(hits), view.in_parts)
         if self._cameras is not None:
             light = self._pictures.sky.lighting(Weather(), 0.0)
             self._cameras.warm_up(self._store.frame([]), light)
@@ -204,14 +204,21 @@ class WorldSensors:
             if request.ignored not in views:
                 views[request.ignored] = self._view(state, view, request.ignored)
             sensor.announce(request, views[request.ignored])
+
+        def report(rank: int, request: SensorRequest, sensor: Sensor) -> Sequence[SensorFrame]:
+            with self._caster.ranked(rank):
+                return sensor.report(state, request, views[request.ignored])
+
         pieces = [
             Piece(
-                partial(sensor.report, state, request, views[request.ignored]),
+                partial(report, rank if sensor.many_steps else rank + len(due), request, sensor),
                 sensor.pixels,
                 beside=sensor.beside_others and self._cameras is None,
             )
-            for request, sensor in due
+            for rank, (request, sensor) in enumerate(due)
         ]
+        if due:
+            _ = view.frame  # which all wait for, made while no other thread wants the interpreter
         reports = self._side_by_side.results(pieces)
         for (request, _), reported in zip(due, reports, strict=True):
             for frame in reported:

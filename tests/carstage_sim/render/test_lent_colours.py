@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from carstage_sim.render.caster import Hits, RayCaster, picture_packets
+from carstage_sim.render.crew import alone
 from carstage_sim.render.edges import Rough
 from carstage_sim.render.lending import aim_again, extra_rays, lent, mixed
 from carstage_sim.render.materials import material_table
@@ -121,8 +122,8 @@ def test_the_rays_that_are_left_look_beside_the_centres_of_their_pixels():
     assert (packets.order.tolist(), packets.starts.tolist()) == ([0, 1, 2, 3], [0, 4])
     offsets = np.array([[0.0, 0.5, 0.0], [0.0, 0.0, -0.25]], np.float32)
     directions, aimed = np.ones((20, 3), np.float32), np.zeros((4, 3), np.float32)
-    aim_again(directions, rough.pixels, offsets, np.ones(4, np.bool_), 0, 2, aimed)
+    alone(aim_again, (directions, rough.pixels, offsets, np.ones(4, np.bool_), aimed), 0, 2)
     assert aimed.tolist() == [[1.0, 1.5, 1.0], [1.0, 1.0, 0.75]] * 2
     aimed[:] = 0.0
-    aim_again(directions, rough.pixels, offsets, np.arange(4) == 3, 0, 2, aimed)
+    alone(aim_again, (directions, rough.pixels, offsets, np.arange(4) == 3, aimed), 0, 2)
     assert aimed.tolist() == [[0.0] * 3] * 3 + [[1.0, 1.0, 0.75]], "the others stay as they are"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from carstage_sim.kernels import kernel
 from carstage_sim.mesh import Material
 from carstage_sim.render.caster import Hits, RayCaster
 from carstage_sim.render.edges import EVEN, rough_pixels
@@ -132,6 +133,11 @@ def test_epic_pictures_sample_all_of_them():
     assert (marks(grid(0), quality=Quality.EPIC) == 1).all()
 
 
+@kernel
+def _develop_even(codes, colours, chosen, width, pixels):  # type: ignore[no-untyped-def]
+    develop_even(codes, colours, chosen, width, 0, chosen.shape[0], pixels)
+
+
 def test_a_mean_of_nine_keeps_the_light_and_as_much_noise_as_three_rays():
     weight = weight_in_mean.py_func
     weights = [float(weight(abs(x), abs(y))) for x in (-1, 0, 1) for y in (-1, 0, 1)]
@@ -141,7 +147,7 @@ def test_a_mean_of_nine_keeps_the_light_and_as_much_noise_as_three_rays():
     pixels = np.zeros((_SIDE * _SIDE, 4), np.uint8)
     chosen = np.zeros(_SIDE * _SIDE, np.uint8)
     chosen[_MIDDLE] = EVEN
-    develop_even(film_codes(2.2), colours, chosen, _SIDE, 0, len(chosen), pixels)
+    _develop_even(film_codes(2.2), colours, chosen, _SIDE, pixels)
     around = colours.reshape(_SIDE, _SIDE, 3)[1:4, 1:4].reshape(9, 3)
     mean = (np.array(weights)[:, None] * around).sum(axis=0)
     wanted = film_codes(2.2)[np.rint(mean * 8191).astype(int)]

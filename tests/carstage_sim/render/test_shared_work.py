@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from carstage_sim.kernels import kernel
+from carstage_sim.kernels import device, kernel
 from carstage_sim.render.caster import Packets, RayCaster
-from carstage_sim.render.sharing import OfEachThread, Team, parts_of, take
+from carstage_sim.render.crew import CALLS, Crew, add, do, for_workers, load
+from carstage_sim.render.sharing import Team
+from driving import wait_for
 
 
 @pytest.fixture
@@ -20,21 +24,114 @@ def caster() -> Iterator[RayCaster]:
     one.close()
 
 
+@device
+def _count_part(taken, done_by, worker, first, last):  # type: ignore[no-untyped-def]
+    for number in range(first, last):
+        taken[number] += 1
+        done_by[number] = worker
+
+
 @kernel
-def _count_taken(parts, taken):  # type: ignore[no-untyped-def]
-    first, last = take(parts)
-    while first < last:
-        for number in range(first, last):
-            taken[number] += 1
-        first, last = take(parts)
+def _count_taken(data, board, job, work):  # type: ignore[no-untyped-def]
+    do(_count_part, data, board, job, work)
 
 
-def test_kernels_in_several_threads_take_every_part_once() -> None:
-    taken, parts = np.zeros(100_003, np.int64), parts_of(100_003, 7)
-    team = Team(4, "test")
-    team.do(lambda: _count_taken(parts, taken), 4)
-    team.close()
-    assert (taken == 1).all()
+def counted(crew: Crew, first: int, count: int, size: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    """How often each of some items was done, and by which thread."""
+    taken, done_by = np.zeros(count, np.int64), np.full(count, -1, np.int64)
+    with crew.job(first, count, size) as (job, work):
+        _count_taken((taken, done_by), crew.board, job, work)
+    return taken, done_by
+
+
+@pytest.fixture
+def crew() -> Iterator[Crew]:
+    one = Crew(4, "test")
+    yield one
+    one.close()
+
+
+@pytest.mark.parametrize("threads", [1, 2, 4])
+@pytest.mark.parametrize(
+    ("first", "count", "size"), [(0, 100_003, 7), (5, 6, 1), (0, 0, 4), (9, 9, 2)]
+)
+def test_a_crew_does_every_item_once(threads: int, first: int, count: int, size: int) -> None:
+    crew = Crew(threads, "test")
+    taken, done_by = counted(crew, first, count, size)
+    crew.close()
+    assert (taken[first:] == 1).all()
+    assert not taken[:first].any()
+    assert set(done_by[first:].tolist()) <= set(range(threads))
+
+
+def test_items_of_a_part_are_done_by_one_thread(crew: Crew) -> None:
+    _, done_by = counted(crew, 0, 1000, 10)
+    assert (done_by.reshape(100, 10) == done_by[::10, None]).all()
+
+
+def test_many_jobs_of_several_callers_are_all_done(crew: Crew) -> None:
+    """More callers than rows of the board, and rows that are used again at once."""
+    wrong: list[int] = []
+
+    def ask(caller: int) -> None:
+        for turn in range(300):
+            with crew.ranked(caller % 3):
+                taken, _ = counted(crew, 0, 1 + (turn * 7 + caller) % 97, 1 + turn % 5)
+            wrong.append(int((taken != 1).sum()))
+
+    callers = [threading.Thread(target=ask, args=(number,)) for number in range(20)]
+    for caller in callers:
+        caller.start()
+    for caller in callers:
+        caller.join()
+    assert len(wrong) == 6000
+    assert not any(wrong)
+
+
+@device
+def _wait_part(gates, order, place, mark, worker, first, last):  # type: ignore[no-untyped-def]
+    while first < len(gates) and not load(gates, first):
+        pass
+    order[add(place, 0, 1)] = mark
+
+
+@kernel
+def _wait(data, board, job, work):  # type: ignore[no-untyped-def]
+    do(_wait_part, data, board, job, work)
+
+
+def test_the_lowest_rank_comes_first_whoever_asked_first() -> None:
+    crew, order, place = Crew(2, "test"), np.zeros(8, np.int64), np.zeros(1, np.int64)
+    gates, none = np.zeros(2, np.int64), np.zeros(0, np.int64)
+
+    def ask(rank: int, gates: NDArray[np.int64], count: int) -> None:
+        with crew.ranked(rank), crew.job(0, count, 1) as (job, work):
+            _wait((gates, order, place, rank), crew.board, job, work)
+
+    asked = [(0, gates, 2), (2, none, 3), (1, none, 3)]
+    callers = [threading.Thread(target=ask, args=one) for one in asked]
+    for number, caller in enumerate(callers):
+        caller.start()
+        wait_for(lambda number=number: crew.board[CALLS] > number, "the job on the board")
+    gates[1] = 1  # one of the two threads is free now
+    wait_for(lambda: place[0] == 7, "all jobs of one thread")
+    gates[0] = 1
+    for caller in callers:
+        caller.join()
+    crew.close()
+    assert order.tolist() == [0, 1, 1, 1, 2, 2, 2, 0]
+
+
+def test_what_threads_write_to_is_apart(crew: Crew) -> None:
+    class Memory(NamedTuple):
+        few: NDArray[np.int32]
+        many: NDArray[np.float32]
+
+    memory = for_workers(crew, Memory(np.zeros(1, np.int32), np.zeros((5, 100), np.float32)))
+    for one, needed in ((memory.few, (1,)), (memory.many, (5, 100))):
+        assert len(one) == 4
+        assert all(there >= wanted for there, wanted in zip(one.shape[1:], needed, strict=True))
+        assert one.strides[0] - int(np.prod(needed)) * one.itemsize >= 128
 
 
 @pytest.mark.parametrize("count", [0, 1, 5, 6, 1000])
@@ -55,21 +152,22 @@ def test_in_pieces_every_part_is_taken_once_and_others_come_in_between(
     order = np.arange(count, dtype=np.int32)
     packets = Packets(order, np.arange(count + 1, dtype=np.int32))
     taken, seen, others = np.zeros(count, np.int64), [], np.zeros(count, np.int64)
+    by = np.zeros(count, np.int64)
 
     def between() -> None:
         seen.append(int(taken.sum()))
         with caster.in_pieces(None):
-            caster.in_packets(packets, lambda parts: _count_taken(parts, others))
+            caster.in_packets(_count_taken, (others, by), packets)
 
     with caster.in_pieces(between):
-        caster.in_packets(packets, lambda parts: _count_taken(parts, taken))
+        caster.in_packets(_count_taken, (taken, by), packets)
     assert (taken == 1).all()
     assert (others == len(seen)).all()
     assert seen == sorted(seen)
     assert len(seen) <= 16
     assert len(seen) == 16 or count < 5000
     calls = len(seen)
-    caster.in_packets(packets, lambda parts: _count_taken(parts, taken))
+    caster.in_packets(_count_taken, (taken, by), packets)
     assert len(seen) == calls
     assert (taken == 2).all()
 
@@ -126,11 +224,3 @@ def test_an_error_of_a_thread_is_raised_and_the_threads_work_on(caster: RayCaste
     done: list[int] = []
     caster.in_bands(100, lambda first, last: done.append(first), 10)
     assert sorted(done) == list(range(0, 100, 10))
-
-
-def test_each_thread_has_its_own(caster: RayCaster) -> None:
-    own = OfEachThread(lambda: threading.get_ident())
-    assert own() == threading.get_ident()
-    seen: list[tuple[int, int]] = []
-    caster.in_bands(64, lambda first, last: seen.append((own(), threading.get_ident())), 1)
-    assert all(made == ident for made, ident in seen)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,14 +10,15 @@ import pytest
 
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.render.cast import NOTHING, STATIC
+from carstage_sim.render.crew import Shared, alone
 from carstage_sim.render.motion import earlier_places, no_motion
+from carstage_sim.render.pixel_kernels import InParts, in_one
 from carstage_sim.sensors.cameras import (
     encode_depth,
     encode_instances,
     encode_normals,
     encode_tags,
 )
-from carstage_sim.sensors.pixel_kernels import in_one
 from carstage_sim.sensors.view import View
 
 TAGS = np.array([7, 1, 14, 22], np.uint8)
@@ -26,19 +26,19 @@ OBJECTS = np.array([0, 1, 9, 0x8001], np.uint32)
 ACTORS = np.array([3, 70_000], np.uint32)
 
 
-def in_threes(count: int, work: Callable[[int, int], None]) -> None:
-    """The bands in another order than that of the pixels."""
+def in_threes(shared: Shared, data: tuple[Any, ...], count: int) -> None:
+    """The parts in another order than that of the pixels."""
     for first in reversed(range(0, count, 3)):
-        work(first, min(first + 3, count))
+        alone(shared, data, first, min(first + 3, count))
 
 
-def a_view(in_bands: Callable[[int, Callable[[int, int], None]], None]) -> Any:
+def a_view(in_parts: InParts) -> Any:
     frame = SimpleNamespace(
         static=SimpleNamespace(tag=TAGS, object_id=OBJECTS),
         actors=SimpleNamespace(tag=TAGS[::-1].copy()),
         actor_id=ACTORS,
     )
-    return SimpleNamespace(frame=frame, in_bands=in_bands)
+    return SimpleNamespace(frame=frame, in_parts=in_parts)
 
 
 HITS: Any = SimpleNamespace(
@@ -47,30 +47,30 @@ HITS: Any = SimpleNamespace(
 )
 
 
-@pytest.mark.parametrize("in_bands", [in_one, in_threes])
+@pytest.mark.parametrize("in_parts", [in_one, in_threes])
 def test_tags_and_ids_are_those_of_the_triangle_and_the_actor(
-    in_bands: Callable[[int, Callable[[int, int], None]], None],
+    in_parts: InParts,
 ) -> None:
-    view = a_view(in_bands)
+    view = a_view(in_parts)
     tags, ids = View.tags(view, HITS), View.instance_ids(view, HITS)
     assert tags.tolist() == [7, 1, int(CityObjectLabel.SKY), 22, 7, 14, 22]
     # Of level objects 0x8000 + index in 15 bits, of actors the low 16 bits.
     assert ids.tolist() == [0, 0x8000, 0, 3, 70_000 & 0xFFFF, 0x8008, 0x8000]
-    pixels = encode_instances(tags, ids, in_bands)
+    pixels = encode_instances(tags, ids, in_parts)
     assert pixels.tolist() == [
         [number >> 8, number & 0xFF, tag, 255]
         for tag, number in zip(tags.tolist(), ids.tolist(), strict=True)
     ]
 
 
-@pytest.mark.parametrize("in_bands", [in_one, in_threes])
+@pytest.mark.parametrize("in_parts", [in_one, in_threes])
 def test_bytes_of_depths_are_numpys(
-    in_bands: Callable[[int, Callable[[int, int], None]], None],
+    in_parts: InParts,
 ) -> None:
     rng = np.random.default_rng(5)
     odd = [np.nan, np.inf, -np.inf, -0.0, -3.0, 1000.0, 1000.1, 999.99997]
     depth_m = np.concatenate([odd, rng.uniform(0.0, 1001.0, 4088)]).astype(np.float32)
-    pixels = encode_depth(depth_m.reshape(64, 64), in_bands)
+    pixels = encode_depth(depth_m.reshape(64, 64), in_parts)
     steps = np.clip(np.fmin(depth_m.astype(np.float64), 1000.0), 0.0, None)
     code = np.rint(steps * ((2**24 - 1) / 1000.0)).astype(np.int64)
     wanted = np.stack([code >> 16, code >> 8 & 0xFF, code & 0xFF, np.full_like(code, 255)], axis=1)
@@ -78,14 +78,14 @@ def test_bytes_of_depths_are_numpys(
     assert pixels.shape == (64, 64, 4)
 
 
-@pytest.mark.parametrize("in_bands", [in_one, in_threes])
+@pytest.mark.parametrize("in_parts", [in_one, in_threes])
 def test_bytes_of_normals_are_numpys(
-    in_bands: Callable[[int, Callable[[int, int], None]], None],
+    in_parts: InParts,
 ) -> None:
     rng = np.random.default_rng(6)
     edges = [(1.0, -1.0, 0.0), (-0.0, 0.999999, -0.999999), (0.0, 0.0, 0.0)]
     normals = np.concatenate([edges, rng.uniform(-1.0, 1.0, (4093, 3))]).astype(np.float32)
-    pixels = encode_normals(normals.reshape(64, 64, 3), in_bands)
+    pixels = encode_normals(normals.reshape(64, 64, 3), in_parts)
     wanted = (normals * np.float32(127.5) + np.float32(128.0)).astype(np.uint8)
     np.testing.assert_array_equal(pixels.reshape(-1, 4)[:, 2::-1], wanted)
     assert pixels.shape == (64, 64, 4)

@@ -13,10 +13,10 @@ from carstage_sim.maps.town import Town
 from carstage_sim.render.cast import NOTHING
 from carstage_sim.render.caster import Hits
 from carstage_sim.sensors.attributes import number, require, whole, within
+from carstage_sim.sensors.lidar_kernels import gather_returns, write_points
 from carstage_sim.sensors.measurements import (
     SEMANTIC_POINT,
     LidarFrame,
-    PointColumn,
     SemanticLidarFrame,
     SensorRequest,
 )
@@ -120,6 +120,16 @@ class Returns(NamedTuple):
     met: NDArray[np.bool_]
 
 
+def warm_up() -> None:
+    """Compile, or load, what puts a frame together."""
+    local, channel, many = np.zeros((1, 3)), np.zeros(1, np.intp), np.zeros(1)
+    flags, row, t = np.ones(1, np.bool_), np.zeros(1, np.int32), np.zeros(1, np.float32)
+    gather_returns(row, t, NOTHING, local, channel, flags, local, channel, many)
+    write_points(
+        local, channel, many, many, flags, np.zeros((1, 4), np.float32), np.zeros(1, np.uint32)
+    )
+
+
 class RotatingLidar(MeasuringSensor):
     """What both LiDARs share: lasers on a head that goes on turning between frames.
 
@@ -181,8 +191,13 @@ class RotatingLidar(MeasuringSensor):
             local, channel = local[fired], channel[fired]
         world = turned(local, request.rotation_deg)
         hits = view.rays(request.location, world, high=self.range_m, owner_id=request.owner_id)
-        met = hits.row != NOTHING
-        return Returns(local[met], channel[met], hits.t[met].astype(np.float64), hits, met)
+        met = np.empty(len(local), np.bool_)
+        directions, lasers = np.empty_like(local), np.empty_like(channel)
+        distance = np.empty(len(local), np.float64)
+        count = gather_returns(
+            hits.row, hits.t, NOTHING, local, channel, met, directions, lasers, distance
+        )
+        return Returns(directions[:count], lasers[:count], distance[:count], hits, met)
 
     def counts(self, channel: NDArray[np.intp]) -> NDArray[np.uint32]:
         """Points of each laser."""
@@ -217,10 +232,10 @@ class RayCastLidar(RotatingLidar):
         if self.noise_m > 0:
             distance = distance + random.normal(0.0, self.noise_m, len(distance))
         kept = self._kept(intensity, random)
-        points = np.empty((int(kept.sum()), 4), np.float32)
-        points[:, :3] = (local * distance[:, None])[kept]
-        points[:, PointColumn.INTENSITY] = intensity[kept]
-        return LidarFrame(math.radians(sweep.end_angle_deg), self.counts(channel[kept]), points)
+        points = np.empty((np.count_nonzero(kept), 4), np.float32)
+        counts = np.zeros(self.geometry.channels, np.uint32)
+        write_points(local, channel, distance, intensity, kept, points, counts)
+        return LidarFrame(math.radians(sweep.end_angle_deg), counts, points)
 
     def _kept(
         self, intensity: NDArray[np.float64], random: np.random.Generator

@@ -10,6 +10,7 @@ import numpy as np
 from carstage_sim.content.cabins import Cabin, add_cabin
 from carstage_sim.content.car_body import CarBody
 from carstage_sim.content.car_faces import SPARE_M, add_front, add_rear
+from carstage_sim.content.car_trim import add_trim
 from carstage_sim.content.lofting import ShapeBuilder
 from carstage_sim.content.marks import LIGHT_BAR_M, add_bus_marks, add_police, add_taxi
 from carstage_sim.content.trucks import add_ambulance, add_truck
@@ -108,6 +109,7 @@ def _add_car(builder: ShapeBuilder, build: Build, frame: VehicleFrame) -> None:
     body = frame.body(share, rear, frame.high[0], height)
     car = CarBody(shape, body)
     car.add_to(builder)
+    add_trim(builder, car)
     add_front(builder, car, frame.plate)
     add_rear(builder, car, frame.plate)
     add_cabin(builder, car, replace(_CABINS.get(build, Cabin()), occupied=frame.occupied))

@@ -29,6 +29,10 @@ _FLARE_M = 0.07
 """Width of the bare plastic round a wheel arch."""
 COWL = 0.022
 """Length of the dark strip at the windscreen's foot, relative."""
+_HALF_PILLAR_M = 0.04
+"""Half width of a pillar between side windows."""
+_LEAST_CABIN = 0.10
+"""Rise over the belt, a share of the height, from which there is a cabin and no bonnet or boot."""
 _COLUMN, _SIDE_COLUMN, _ROW = 0.15, 0.08, 0.07
 """Widest quads of a panel: on a face, round its corner (shares of the half width), and tallest."""
 
@@ -66,6 +70,7 @@ class Bars(Enum):
     ACROSS = "bars from side to side"
     UPRIGHT = "slots side by side"
     MESH = "a dark mesh"
+    SLOTS = "seven upright openings in the painted sheet"
     VEE = "a dark mesh between two bright arms that lean outwards"
 
 
@@ -102,6 +107,11 @@ class BodyShape:
         tall_mirrors: whether mirrors are upright plates on arms, as a lorry has them.
         rails: whether the roof has rails.
         spare: whether a spare wheel hangs on the rear door.
+        leans: ``(x, how far)`` the upper ends of the side windows' edges stand before the lower.
+        pillar: material of the pillars.
+        roof: material of the cabin above the belt, but for its windows.
+        quarter: half width in metres of the painted pillar before a rear quarter window, the
+            rearmost one; 0 without such a window.
     """
 
     top: _Points
@@ -134,6 +144,10 @@ class BodyShape:
     tall_mirrors: bool = False
     rails: bool = False
     spare: bool = False
+    leans: _Points = ()
+    pillar: Material = Material.PLASTIC_DARK
+    roof: Material = Material.PAINT
+    quarter: float = 0.0
 
     @property
     def rugged(self) -> bool:
@@ -204,8 +218,7 @@ class CarBody:
         s, f = self.shape, self.frame
         edges = [*s.rear_window, *s.windscreen, *s.side_glass, -1.0, 1.0]
         edges.append(s.windscreen[1] + COWL)
-        half_pillar = 0.04 / f.half_length
-        for pillar in s.pillars:
+        for pillar, half_pillar, _ in self._pillars():
             edges += [pillar - half_pillar, pillar + half_pillar]
         for axle in f.axles:
             middle = (axle - f.center_x) / f.half_length
@@ -221,6 +234,14 @@ class CarBody:
         even = [x for x in np.linspace(-1, 1, 23) if min(abs(x - e) for e in edges) > 0.03]
         stations: Array = np.unique(np.round([*edges, *even], 4))
         return stations
+
+    def _pillars(self) -> list[tuple[float, float, Material]]:
+        """Relative x, relative half width and material of the pillars between side windows."""
+        s, f = self.shape, self.frame
+        pillars = [(x, _HALF_PILLAR_M / f.half_length, s.pillar) for x in s.pillars]
+        if s.quarter:
+            pillars[0] = (s.pillars[0], s.quarter / f.half_length, Material.PAINT)
+        return pillars
 
     @property
     def _arch_radius(self) -> float:
@@ -292,14 +313,25 @@ class CarBody:
         """Add the skin with its windows; :mod:`carstage_sim.content.car_trim` adds the rest."""
         x = self._stations()
         half = np.stack([self.section(station) for station in x])
+        along = self._leaning(x, half)
         full = np.concatenate([half[:, ::-1] * [-1.0, 1.0], half[:, 1:]], axis=1)
         points = self.place(
-            np.repeat(x[:, None], full.shape[1], axis=1), full[..., 0], full[..., 1]
+            np.concatenate([along[:, ::-1], along[:, 1:]], axis=1), full[..., 0], full[..., 1]
         )
         crease = 8.0 if self.shape.faceted else 40.0
         builder.grid(points, self._materials(x, half), crease_deg=crease)
         self._add_face(builder, half[-1], 1.0)
         self._add_face(builder, half[0], -1.0)
+
+    def _leaning(self, x: Array, half: Array) -> Array:
+        """Relative x of each point of the sections, whose windows' upper ends are moved along."""
+        along = np.repeat(x[:, None], half.shape[1], axis=1)
+        if self.shape.leans:
+            away = np.interp(x, *np.array(self.shape.leans).T)
+            for k in np.flatnonzero(away):
+                along[k, self.RAIL] += away[k]
+                half[k, self.RAIL] = self.section(float(along[k, self.RAIL]))[self.RAIL]
+        return along
 
     def _materials(self, x: Array, half: Array) -> NDArray[np.uint8]:
         """Material of each quad between stations and columns."""
@@ -319,14 +351,14 @@ class CarBody:
         rise = (half[:-1, self.MIDDLE, 1] + half[1:, self.MIDDLE, 1]) / 2 - (
             half[:-1, self.BELT, 1] + half[1:, self.BELT, 1]
         ) / 2
-        cabin = rise > 0.10 * f.height
+        cabin = rise > _LEAST_CABIN * f.height
+        quads[cabin & (middle < s.windscreen[0]), self.GLASS :] = s.roof
         glazed = cabin & (middle > s.side_glass[0]) & (middle < s.side_glass[1])
         quads[glazed, self.GLASS] = Material.GLASS
         if s.pillars:
             quads[glazed & (middle < max(s.pillars)), self.GLASS] = s.rear_pane
-        for pillar in s.pillars:
-            at = glazed & (np.abs(middle - pillar) < 0.04 / f.half_length)
-            quads[at, self.GLASS] = Material.PLASTIC_DARK
+        for pillar, half_pillar, material in self._pillars():
+            quads[glazed & (np.abs(middle - pillar) < half_pillar), self.GLASS] = material
         screen = (middle > s.windscreen[0]) & (middle < s.windscreen[1])
         back = (middle > s.rear_window[0]) & (middle < s.rear_window[1])
         quads[screen, self.ROOF :] = Material.GLASS
@@ -344,6 +376,8 @@ class CarBody:
         points = self.place(np.full_like(y, end), y, z)
         rows = uniform(Material.PAINT, len(points) - 1, len(share) - 1)
         rows[:2] = Material.PLASTIC_DARK
+        if half[self.MIDDLE, 1] - half[self.BELT, 1] > _LEAST_CABIN * self.frame.height:
+            rows[self.GLASS - 1 :] = self.shape.roof
         builder.grid(points if end < 0 else points[:, ::-1], rows)
 
     def roof(self, x: float) -> float:

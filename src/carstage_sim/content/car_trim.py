@@ -30,7 +30,9 @@ def _add_doors(builder: ShapeBuilder, body: CarBody) -> None:
     seams = [s.side_glass[1] - 0.03, *s.pillars]
     for number, seam in enumerate(sorted(seams)):
         half = body.section(seam)[body.SILL : body.BELT + 1]
-        if half[0, 1] > (s.clearance + 0.08) * f.height:
+        # A rear door ends on the arch; ahead of the front one is no door.
+        over_arch = half[0, 1] > (s.clearance + 0.08) * f.height
+        if over_arch and seam > 0.0:
             continue
         for sign in (-1.0, 1.0):
             y = sign * (half[:, 0] + 0.002)

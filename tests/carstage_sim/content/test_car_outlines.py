@@ -1,0 +1,158 @@
+"""Cars have the outlines of the models they are named after: screens, windows, faces."""
+
+from __future__ import annotations
+
+from itertools import groupby
+
+import numpy as np
+import pytest
+
+from carstage_sim.content.vehicles import vehicle_mesh
+from carstage_sim.mesh import Material
+from carstage_sim.world.blueprints import catalogue
+
+_PANES = (Material.GLASS, Material.GLASS_DARK)
+
+
+def mesh_of(name):
+    blueprint = catalogue()[f"vehicle.{name}"]
+    parameters = blueprint.vehicle
+    return vehicle_mesh(
+        blueprint.id,
+        blueprint.box_extent,
+        blueprint.box_center,
+        axles_m=(parameters.front_axle_x_m, parameters.rear_axle_x_m),
+        wheel_radius_m=parameters.wheels[0].radius_m,
+    )
+
+
+def number_met(mesh, eye, axis, direction):
+    """Number of the triangle that a ray along an axis meets first; None for nothing."""
+    corners = mesh.vertices[mesh.triangles].astype(np.float64)
+    others = [k for k in range(3) if k != axis]
+    a, b, c = (corners[:, k][:, others] - np.array(eye)[others] for k in range(3))
+
+    def cross(u, v):
+        return u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+
+    w = np.stack([cross(b, c), cross(c, a), cross(a, b)], axis=1)
+    total = w.sum(axis=1)
+    inside = (np.all(w >= -1e-12, axis=1) | np.all(w <= 1e-12, axis=1)) & (np.abs(total) > 1e-9)
+    share = w / np.where(np.abs(total) > 1e-9, total, 1.0)[:, None]
+    away = ((share * corners[:, :, axis]).sum(axis=1) - eye[axis]) * direction
+    away = np.where(inside & (away > 0), away, np.inf)
+    return int(away.argmin()) if np.isfinite(away.min()) else None
+
+
+def first_met(mesh, eye, axis, direction):
+    """Material of what a ray along an axis meets first; None for nothing."""
+    number = number_met(mesh, eye, axis, direction)
+    return None if number is None else Material(mesh.material[number])
+
+
+def beside(mesh, share, count=200):
+    """Materials that one sees from the right, at a share of the height, from rear to front."""
+    x = np.linspace(mesh.bounds[0, 0], mesh.bounds[1, 0], count)
+    return x, [first_met(mesh, (k, 9.0, share * mesh.bounds[1, 2]), 1, -1.0) for k in x]
+
+
+def runs_of(seen):
+    return [material for material, _ in groupby(seen)]
+
+
+def rear_edge_of_windows(mesh, share):
+    """x of the rear end of the side windows at a share of the height; a tailgate's is none."""
+    for x in np.linspace(mesh.bounds[0, 0], mesh.bounds[1, 0], 400):
+        number = number_met(mesh, (x, 9.0, share * mesh.bounds[1, 2]), 1, -1.0)
+        if number is None or mesh.material[number] not in _PANES:
+            continue
+        if mesh.normals[number, :, 1].mean() > 0.75:
+            return float(x)
+    raise AssertionError("no window")
+
+
+@pytest.mark.parametrize(
+    ("name", "share"),
+    [("tesla.model3", 0.25), ("dodge.charger_2020", 0.30), ("ford.crown", 0.30),
+     ("ford.mustang", 0.34), ("seat.leon", 0.265), ("mini.cooper_s", 0.29),
+     ("nissan.patrol_2021", 0.29), ("audi.etron", 0.26), ("bmw.grandtourer", 0.25)],
+)  # fmt: skip
+def test_a_windscreen_stands_where_its_models_does(name, share):
+    """Shares of the length before the screen's foot, from side views; none is another's."""
+    mesh = mesh_of(name)
+    normal = mesh.normals.mean(axis=1)
+    screen = (mesh.material == Material.GLASS) & (normal[:, 0] > 0.25)
+    points = mesh.vertices[mesh.triangles[screen]].reshape(-1, 3)
+    foot = points[np.abs(points[:, 1]) < 0.1, 0].max()
+    low, high = mesh.bounds[:, 0]
+    assert (high - foot) / (high - low) == pytest.approx(share, abs=0.025)
+
+
+@pytest.mark.parametrize("name", ["nissan.patrol_2021", "nissan.patrol"])
+def test_a_painted_pillar_divides_the_rear_quarter_window_of_a_big_suv(name):
+    mesh = mesh_of(name)
+    _, seen = beside(mesh, 0.80)
+    pane, paint = Material.GLASS_DARK, Material.PAINT
+    # The tailgate's window, the rearmost pillar, the quarter window, the pillar, the rear door's.
+    kinds = [k for k in runs_of(seen) if k in (paint, *_PANES)]
+    assert kinds[:5] == [pane, paint, pane, paint, pane]
+
+
+@pytest.mark.parametrize(
+    "name", ["nissan.patrol_2021", "audi.etron", "seat.leon", "mercedes.coupe_2020", "audi.tt"]
+)
+def test_side_windows_end_in_an_edge_that_leans_forward(name):
+    """An upright edge there is a van's."""
+    mesh = mesh_of(name)
+    assert rear_edge_of_windows(mesh, 0.82) - rear_edge_of_windows(mesh, 0.70) > 0.04
+
+
+@pytest.mark.parametrize(
+    "name", ["mercedes.coupe_2020", "mercedes.coupe", "audi.tt", "ford.mustang"]
+)
+def test_a_coupe_falls_in_one_line_to_its_tail_and_has_a_window_behind_the_door(name):
+    mesh = mesh_of(name)
+    low, high = mesh.bounds[:, 0].astype(np.float64)
+    middle = mesh.vertices[np.abs(mesh.vertices[:, 1]) < 0.02]
+    rear = low + np.array([0.06, 0.12, 0.18, 0.24, 0.30, 0.36]) * (high - low)
+    line = [middle[np.abs(middle[:, 0] - x) < 0.08, 2].max() for x in rear]
+    assert np.all(np.diff(line) > 0.0)
+    assert np.diff(line).max() < 0.16
+    edge = rear_edge_of_windows(mesh, 0.70)
+    assert (edge - low) / (high - low) < 0.24
+    _, seen = beside(mesh, 0.76)
+    assert runs_of([k for k in seen if k in (Material.GLASS, Material.PLASTIC_DARK)])[:3] == [
+        Material.GLASS, Material.PLASTIC_DARK, Material.GLASS,
+    ]  # fmt: skip
+
+
+def test_a_rear_door_ends_on_the_wheel_arch():
+    """Its joint shows above the arch: without it a side looks like a van's panel."""
+    mesh = mesh_of("nissan.patrol_2021")
+    x, seen = beside(mesh, 0.52, count=900)
+    joints = [a for a, b in zip(x, seen, strict=True) if b is Material.PLASTIC_DARK]
+    length = mesh.bounds[1, 0] - mesh.bounds[0, 0]
+    shares = np.array([(a - mesh.bounds[0, 0]) / length for a in joints])
+    assert np.any((shares > 0.18) & (shares < 0.30))
+
+
+def ahead(mesh, z_share, y):
+    return first_met(mesh, (mesh.bounds[1, 0] + 5.0, y, z_share * mesh.bounds[1, 2]), 0, -1.0)
+
+
+@pytest.mark.parametrize("name", ["seat.leon", "mercedes.coupe_2020", "audi.etron", "audi.tt"])
+def test_a_mesh_grille_is_a_dark_opening_with_a_bright_rim(name):
+    """Bars as bright as the rim make one grey area of it from afar."""
+    mesh = mesh_of(name)
+    z = np.linspace(0.30, 0.56, 121)
+    seen = [ahead(mesh, float(k), 0.13) for k in z]
+    hole = [k for k in seen if k in (Material.PLASTIC_DARK, Material.PAINT_BLACK)]
+    assert Material.PAINT_BLACK in hole
+    assert Material.RIM in seen
+    assert Material.PAINT_GREY not in seen
+
+
+def test_a_mini_has_a_roof_of_another_colour():
+    mesh = mesh_of("mini.cooper_s")
+    assert first_met(mesh, (0.0, 0.0, 9.0), 2, -1.0) is Material.PAINT_BLACK
+    assert first_met(mesh, (1.4, 0.3, 9.0), 2, -1.0) is Material.PAINT

@@ -1,4 +1,4 @@
-"""Cars have the outlines of the models they are named after: screens, windows, faces."""
+"""Cars have the outlines of the models they are named after: screens, windows, faces, wings."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from carstage_sim.mesh import Material
 from carstage_sim.world.blueprints import catalogue
 
 _PANES = (Material.GLASS, Material.GLASS_DARK)
+_JEEP = "jeep.wrangler_rubicon"
 
 
 def mesh_of(name):
@@ -138,6 +139,43 @@ def test_a_rear_door_ends_on_the_wheel_arch():
 
 def ahead(mesh, z_share, y):
     return first_met(mesh, (mesh.bounds[1, 0] + 5.0, y, z_share * mesh.bounds[1, 2]), 0, -1.0)
+
+
+def test_a_wrangler_has_seven_slots_between_round_lamps():
+    mesh = mesh_of(_JEEP)
+    y = np.linspace(-0.55, 0.55, 331)
+    seen = runs_of([ahead(mesh, 0.52, float(k)) for k in y])
+    assert seen.count(Material.PAINT_BLACK) == 7
+    assert seen.index(Material.HEAD_LAMP) < seen.index(Material.PAINT_BLACK)
+    lamp = mesh.vertices[mesh.triangles[mesh.material == Material.HEAD_LAMP]].reshape(-1, 3)
+    right = lamp[lamp[:, 1] > 0.0]
+    assert np.ptp(right[:, 1]) == pytest.approx(np.ptp(right[:, 2]), rel=0.05)
+
+
+def test_a_wrangler_is_a_narrow_tub_between_wings_of_bare_plastic():
+    mesh = mesh_of(_JEEP)
+    half = float(mesh.bounds[1, 1])
+    painted = mesh.vertices[mesh.triangles[mesh.material == Material.PAINT]].reshape(-1, 3)
+    below = painted[painted[:, 2] < 0.5 * mesh.bounds[1, 2]]
+    assert np.abs(below[:, 1]).max() < 0.85 * half
+    parameters = catalogue()[f"vehicle.{_JEEP}"].vehicle
+    for axle in (parameters.front_axle_x_m, parameters.rear_axle_x_m):
+        for side in (-1.0, 1.0):
+            above = (axle, side * 0.90 * half, 9.0)
+            assert first_met(mesh, above, 2, -1.0) is Material.PLASTIC_DARK
+            outside = (axle, side * 9.0, 0.15 * parameters.wheels[0].radius_m)
+            assert first_met(mesh, outside, 1, -side) is Material.RUBBER
+
+
+def test_one_sees_through_all_of_a_wranglers_side_windows_under_a_dark_top():
+    mesh = mesh_of(_JEEP)
+    _, seen = beside(mesh, 0.80)
+    assert seen.count(Material.GLASS) > 0.35 * len(seen)
+    assert Material.GLASS_DARK not in seen
+    assert first_met(mesh, (-0.5, 0.1, 9.0), 2, -1.0) is Material.PLASTIC_DARK
+    assert ahead(mesh, 0.29, 0.02) in (
+        Material.LICENCE_PLATE, Material.PAINT_BLACK, Material.SIGN_BLUE,
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("name", ["seat.leon", "mercedes.coupe_2020", "audi.etron", "audi.tt"])

@@ -109,7 +109,7 @@ def add_grille(builder: ShapeBuilder, body: CarBody, opening: tuple[float, float
             half = wide * (0.97 - 0.06 * abs(k - 3.5))
             bar = [(u * half, low + k * step, low + (k + 0.25) * step) for u in _even(5)]
             body.panel(builder, _FRONT, bar, Material.PAINT_BLACK, raised=0.011, rows=1)
-    _add_badge(builder, body, low + 0.58 * (high - low))
+    _add_badge(builder, body, low + 0.58 * (high - low), high - low)
 
 
 def _add_slots(builder: ShapeBuilder, body: CarBody, opening: tuple[float, float, float]) -> None:
@@ -125,9 +125,11 @@ def _add_slots(builder: ShapeBuilder, body: CarBody, opening: tuple[float, float
         body.panel(builder, _FRONT, slot, Material.PAINT_BLACK, raised=0.009)
 
 
-def _add_badge(builder: ShapeBuilder, body: CarBody, z: float) -> None:
-    body.disc(builder, _FRONT, (0.0, z), 0.055, Material.RIM, raised=0.018)
-    body.disc(builder, _FRONT, (0.0, z), 0.040, Material.PAINT_BLACK, raised=0.021)
+def _add_badge(builder: ShapeBuilder, body: CarBody, z: float, tall: float) -> None:
+    """A round badge in an opening whose height is a share ``tall`` of the body's."""
+    radius = min(0.055, 0.42 * tall * body.frame.height)
+    body.disc(builder, _FRONT, (0.0, z), radius, Material.RIM, raised=0.018)
+    body.disc(builder, _FRONT, (0.0, z), 0.73 * radius, Material.PAINT_BLACK, raised=0.021)
 
 
 def _add_vee(builder: ShapeBuilder, body: CarBody, opening: tuple[float, float, float]) -> None:
@@ -153,7 +155,7 @@ def _add_vee(builder: ShapeBuilder, body: CarBody, opening: tuple[float, float, 
         body.panel(builder, _FRONT, arm, Material.RIM, raised=0.016, rows=1)
     foot = [(u * 0.46 * wide, low - 0.012, low + 0.020) for u in _even(3)]
     body.panel(builder, _FRONT, foot, Material.RIM, raised=0.015, rows=1)
-    _add_badge(builder, body, low + 0.62 * tall)
+    _add_badge(builder, body, low + 0.62 * tall, tall)
 
 
 def _lamp_outline(

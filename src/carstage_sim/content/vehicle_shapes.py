@@ -185,12 +185,13 @@ SHAPES: dict[Build, BodyShape] = {
     ),
     Build.CAMPER: BodyShape(
         top=(
-            (-1.0, 0.78), (-0.985, 0.85), (-0.94, 0.93), (-0.80, 0.985), (-0.2, 1.0), (0.60, 0.99),
+            (-1.0, 0.88), (-0.985, 0.915), (-0.94, 0.955), (-0.80, 0.99), (-0.2, 1.0), (0.60, 0.99),
             (0.74, 0.965), (0.80, 0.93), (0.955, 0.62), (0.97, 0.57), (0.99, 0.49), (1.0, 0.40),
         ),
         belt=((-1.0, 0.56), (0.7, 0.56), (0.9, 0.55), (0.97, 0.50), (1.0, 0.36)),
-        width=_SQUARE, rear_window=(-0.99, -0.86), windscreen=(0.79, 0.957),
-        side_glass=(-0.86, 0.86), pillars=(-0.42, 0.05, 0.46), clearance=0.13, tumblehome=0.12,
+        width=_SQUARE, rear_window=(-1.2, -1.1), rear_glass=(0.59, 0.82, 0.68),
+        windscreen=(0.79, 0.957), side_glass=(-0.86, 0.86), pillars=(-0.42, 0.05, 0.46),
+        clearance=0.13, tumblehome=0.12,
         nose_round=0.20, tail_round=0.14, nose_lean=0.03, tail_lean=0.03,
         head_lamp=(0.60, 0.84, 0.32, 0.415), lamps=Lamps.ROUND, grille=None,
         tail_lamp=(0.78, 1.02, 0.34, 0.48), tails=Tails.UPRIGHT, intake=(0.17, 0.195, 0.8),

@@ -194,3 +194,18 @@ def test_a_mini_has_a_roof_of_another_colour():
     mesh = mesh_of("mini.cooper_s")
     assert first_met(mesh, (0.0, 0.0, 9.0), 2, -1.0) is Material.PAINT_BLACK
     assert first_met(mesh, (1.4, 0.3, 9.0), 2, -1.0) is Material.PAINT
+
+
+@pytest.mark.parametrize("name", ["volkswagen.t2", "volkswagen.t2_2021"])
+def test_a_camper_has_a_window_in_its_rear(name):
+    mesh = mesh_of(name)
+    behind = mesh.bounds[0, 0] - 5.0
+    for y in (-0.30, 0.25):
+        assert first_met(mesh, (behind, y, 0.70 * mesh.bounds[1, 2]), 0, 1.0) is Material.GLASS
+
+
+def test_a_badge_is_no_taller_than_its_grille():
+    mesh = mesh_of("toyota.prius")
+    disc = mesh.vertices[mesh.triangles[mesh.material == Material.RIM]].reshape(-1, 3)
+    disc = disc[(disc[:, 0] > mesh.bounds[1, 0] - 0.35) & (np.abs(disc[:, 1]) < 0.03)]
+    assert np.ptp(disc[:, 2]) < 0.10

@@ -27,6 +27,8 @@ _NOSE_RISE_M, _TAIL_RISE_M = 0.07, 0.15
 """How much higher than the sills a bumper's lower edge is: tyres show below it."""
 _FLARE_M = 0.07
 """Width of the bare plastic round a wheel arch."""
+_TUCK_M = 0.08
+"""How far sills stand in below the doors."""
 COWL = 0.022
 """Length of the dark strip at the windscreen's foot, relative."""
 _HALF_PILLAR_M = 0.04
@@ -269,11 +271,16 @@ class CarBody:
         if s.cladding and not s.faceted:
             # The edge of bare plastic runs along the sills and round the arches.
             flank = min(max(s.cladding * height, arch + _FLARE_M), flank)
+        # Sills curve in under the doors; over arches and at bumpers the side goes straight down.
+        tucked = max(1.0 - (arch - floor) / _TUCK_M, 0.0) * min(
+            max((0.80 - abs(x)) / 0.1, 0.0), 1.0
+        )
+        tucked *= not s.faceted
         side = [
             (min(inner, w * 0.9), floor),
             (min(inner, w * 0.9), arch),
-            (w * 0.955, arch),
-            (w * 0.985, arch + 0.02),
+            (w * 0.955 - _TUCK_M * tucked, arch),
+            (w * 0.985 - 0.3 * _TUCK_M * tucked, arch + 0.02 + 0.6 * _TUCK_M * tucked),
             (w * 1.0, flank),
             (w * 0.995, arch + 0.62 * (belt - arch)),
             (w * 0.985, arch + 0.86 * (belt - arch)),

@@ -209,3 +209,14 @@ def test_a_badge_is_no_taller_than_its_grille():
     disc = mesh.vertices[mesh.triangles[mesh.material == Material.RIM]].reshape(-1, 3)
     disc = disc[(disc[:, 0] > mesh.bounds[1, 0] - 0.35) & (np.abs(disc[:, 1]) < 0.03)]
     assert np.ptp(disc[:, 2]) < 0.10
+
+
+@pytest.mark.parametrize("name", ["seat.leon", "tesla.model3", "audi.etron", "mercedes.coupe"])
+def test_sills_curve_in_below_the_doors(name):
+    """In the shade of the doors they are a dark line, as the gap over the road is."""
+    mesh = mesh_of(name)
+    corners = mesh.vertices[mesh.triangles]
+    skin = corners[np.isin(mesh.material, (Material.PAINT, Material.PLASTIC_DARK))].reshape(-1, 3)
+    skin = skin[(np.abs(skin[:, 0]) < 0.4) & (skin[:, 2] < 0.45 * mesh.bounds[1, 2])]
+    foot = skin[:, 2] < skin[:, 2].min() + 0.005
+    assert np.abs(skin[~foot, 1]).max() - np.abs(skin[foot, 1]).max() > 0.09

@@ -29,6 +29,8 @@ _FLARE_M = 0.07
 """Width of the bare plastic round a wheel arch."""
 _TUCK_M = 0.08
 """How far sills stand in below the doors."""
+_ASIDE = 2e-3
+"""Relative distance of the points from whose places a direction of the skin is taken."""
 COWL = 0.022
 """Length of the dark strip at the windscreen's foot, relative."""
 _HALF_PILLAR_M = 0.04
@@ -514,6 +516,14 @@ class CarBody:
             points[k] = [np.interp(place, number, half[:, axis]) for axis in range(2)]
         return self.place(x, points[:, 0], points[:, 1])
 
+    def _outward(self, x: Array, column: Array) -> Array:
+        """Directions that the skin looks to at relative ``x`` and section columns."""
+        ahead = self.skin(np.minimum(x + _ASIDE, 1.0), column)
+        behind = self.skin(np.maximum(x - _ASIDE, -1.0), column)
+        above = self.skin(x, np.minimum(column + 10 * _ASIDE, self.MIDDLE))
+        below = self.skin(x, np.maximum(column - 10 * _ASIDE, 0.0))
+        return np.cross(above - below, ahead - behind)
+
     def ribbon(
         self,
         builder: ShapeBuilder,
@@ -538,8 +548,7 @@ class CarBody:
         line = self.skin(x, column)
         along = np.gradient(line, axis=0)
         along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
-        outward = line - np.array([0.0, 0.0, 0.30 * self.frame.height])
-        outward[:, 0] = 0.0
+        outward = self._outward(x, column)
         outward -= (outward * along).sum(axis=1, keepdims=True) * along
         outward /= np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-9)
         aside = np.cross(along, outward) * wide / 2

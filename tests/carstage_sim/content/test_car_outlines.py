@@ -220,3 +220,19 @@ def test_sills_curve_in_below_the_doors(name):
     skin = skin[(np.abs(skin[:, 0]) < 0.4) & (skin[:, 2] < 0.45 * mesh.bounds[1, 2])]
     foot = skin[:, 2] < skin[:, 2].min() + 0.005
     assert np.abs(skin[~foot, 1]).max() - np.abs(skin[foot, 1]).max() > 0.09
+
+
+@pytest.mark.parametrize("name", ["tesla.model3", "seat.leon", "audi.tt", "nissan.patrol_2021"])
+def test_the_upper_brake_lamp_and_the_bonnets_joint_are_seen_level(name):
+    """Lines on the skin lie flat on it: level ones on its slope are seen from above only."""
+    mesh = mesh_of(name)
+    brake = mesh.vertices[mesh.triangles[mesh.material == Material.BRAKE_LAMP]].mean(axis=(0, 1))
+    behind = (mesh.bounds[0, 0] - 5.0, 0.03, float(brake[2]))
+    assert first_met(mesh, behind, 0, 1.0) is Material.BRAKE_LAMP
+    z = np.linspace(0.50, 0.68, 300) * mesh.bounds[1, 2]
+    for y in (0.20, 0.35, 0.50):
+        ahead_of = [first_met(mesh, (mesh.bounds[1, 0] + 5.0, y, k), 0, -1.0) for k in z]
+        joint = runs_of(ahead_of)[-4:]
+        assert (Material.PAINT, Material.PLASTIC_DARK, Material.PAINT) in set(
+            zip(joint, joint[1:], joint[2:], strict=False)
+        )

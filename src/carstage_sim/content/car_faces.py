@@ -345,7 +345,7 @@ def _add_high_brake_lamp(builder: ShapeBuilder, body: CarBody) -> None:
         return
     edge = s.rear_window[1] - 0.05 * (s.rear_window[1] - s.rear_window[0])
     path = [(edge, c) for c in (12.72, 13.0)]
-    body.ribbon(builder, path, Material.BRAKE_LAMP, wide=0.03, raised=0.006)
+    body.ribbon(builder, path, Material.BRAKE_LAMP, wide=0.03, raised=0.012)
 
 
 def _add_tail_lamp(builder: ShapeBuilder, body: CarBody, sign: float, blinker: Material) -> None:

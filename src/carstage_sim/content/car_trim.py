@@ -8,6 +8,11 @@ from carstage_sim.content.car_body import COWL, CarBody
 from carstage_sim.content.lofting import ShapeBuilder
 from carstage_sim.mesh import Material
 
+_BORDER_M = 0.05
+"""Width of the black print round a screen."""
+_BORDER_STEP_M = 0.15
+"""Longest quad of that print."""
+
 
 def add_trim(builder: ShapeBuilder, body: CarBody) -> None:
     """Add all that stands on the skin of a body whose skin is there already."""
@@ -16,6 +21,7 @@ def add_trim(builder: ShapeBuilder, body: CarBody) -> None:
     _add_lids(builder, body)
     if not s.faceted:
         _add_window_strips(builder, body)
+        _add_screen_borders(builder, body)
     if s.rails:
         _add_rails(builder, body)
     if s.tall_mirrors:
@@ -104,6 +110,20 @@ def _add_window_strips(builder: ShapeBuilder, body: CarBody) -> None:
     for column, material in ((body.BELT + 0.5, bright), (body.RAIL, Material.PLASTIC_DARK)):
         line = [(x, column) for x in np.linspace(first, last, 6)]
         body.ribbon(builder, line, material, wide=0.022, raised=0.004)
+
+
+def _add_screen_borders(builder: ShapeBuilder, body: CarBody) -> None:
+    """The black print along the edges of windscreen and rear window that hides their glue."""
+    s, length = body.shape, body.frame.half_length
+    half = _BORDER_M / 2.0 / length
+    for lower, upper in ((s.windscreen[1], s.windscreen[0]), s.rear_window):
+        if abs(lower) > 1.0:
+            continue
+        towards = half if upper < lower else -half
+        count = 2 + int(abs(upper - lower) * length / _BORDER_STEP_M)
+        edge = [(x, body.ROOF + 0.05) for x in np.linspace(lower, upper + towards, count)]
+        top = [(upper + towards, c) for c in np.linspace(body.ROOF + 0.05, body.MIDDLE, 5)]
+        body.ribbon(builder, [*edge, *top[1:]], Material.PLASTIC_DARK, wide=_BORDER_M, raised=0.006)
 
 
 def _add_rails(builder: ShapeBuilder, body: CarBody) -> None:

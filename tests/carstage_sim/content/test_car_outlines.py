@@ -223,6 +223,20 @@ def test_sills_curve_in_below_the_doors(name):
 
 
 @pytest.mark.parametrize("name", ["tesla.model3", "seat.leon", "audi.tt", "nissan.patrol_2021"])
+def test_screens_have_a_dark_border_in_the_roof_and_pillars(name):
+    """The print that hides the glue: paint never meets the glass of a windscreen."""
+    mesh = mesh_of(name)
+    normal = mesh.normals.mean(axis=1)
+    screen = (mesh.material == Material.GLASS) & (normal[:, 0] > 0.25) & (normal[:, 2] > 0.25)
+    corners = mesh.vertices[mesh.triangles[screen]].reshape(-1, 3)
+    for share in (0.35, 0.6):
+        z = corners[:, 2].min() + share * np.ptp(corners[:, 2])
+        y = np.linspace(0.0, mesh.bounds[1, 1], 300)
+        seen = runs_of([first_met(mesh, (mesh.bounds[1, 0] + 5.0, k, z), 0, -1.0) for k in y])
+        assert seen[seen.index(Material.PAINT) - 1] is Material.PLASTIC_DARK
+
+
+@pytest.mark.parametrize("name", ["tesla.model3", "seat.leon", "audi.tt", "nissan.patrol_2021"])
 def test_the_upper_brake_lamp_and_the_bonnets_joint_are_seen_level(name):
     """Lines on the skin lie flat on it: level ones on its slope are seen from above only."""
     mesh = mesh_of(name)

@@ -216,6 +216,7 @@ class CarBody:
         self.shape, self.frame = shape, frame
         self._top, self._belt = Curve(shape.top), Curve(shape.belt)
         self._width = Curve(shape.width)
+        self._sections: dict[float, Array] = {}
 
     def _stations(self) -> Array:
         """Relative x of the sections: even ones, feature edges, and arches in fine steps."""
@@ -252,7 +253,12 @@ class CarBody:
         return self.frame.wheel_radius * 1.13
 
     def section(self, x: float) -> Array:
-        """``(14, 2)`` y, z of the half section at relative ``x``, metres."""
+        """``(14, 2)`` y, z of the half section at relative ``x``, metres; not to be written to."""
+        if x not in self._sections:
+            self._sections[x] = self._new_section(x)
+        return self._sections[x]
+
+    def _new_section(self, x: float) -> Array:
         s, f = self.shape, self.frame
         height = f.height
         top, belt = float(self._top(x)) * height, float(self._belt(x)) * height

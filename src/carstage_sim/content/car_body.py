@@ -27,8 +27,16 @@ _NOSE_RISE_M, _TAIL_RISE_M = 0.07, 0.15
 """How much higher than the sills a bumper's lower edge is: tyres show below it."""
 _FLARE_M = 0.07
 """Width of the bare plastic round a wheel arch."""
-_COWL = 0.022
+_TUCK_M = 0.08
+"""How far sills stand in below the doors."""
+_ASIDE = 2e-3
+"""Relative distance of the points from whose places a direction of the skin is taken."""
+COWL = 0.022
 """Length of the dark strip at the windscreen's foot, relative."""
+_HALF_PILLAR_M = 0.04
+"""Half width of a pillar between side windows."""
+_LEAST_CABIN = 0.10
+"""Rise over the belt, a share of the height, from which there is a cabin and no bonnet or boot."""
 _COLUMN, _SIDE_COLUMN, _ROW = 0.15, 0.08, 0.07
 """Widest quads of a panel: on a face, round its corner (shares of the half width), and tallest."""
 
@@ -66,6 +74,7 @@ class Bars(Enum):
     ACROSS = "bars from side to side"
     UPRIGHT = "slots side by side"
     MESH = "a dark mesh"
+    SLOTS = "seven upright openings in the painted sheet"
     VEE = "a dark mesh between two bright arms that lean outwards"
 
 
@@ -102,6 +111,11 @@ class BodyShape:
         tall_mirrors: whether mirrors are upright plates on arms, as a lorry has them.
         rails: whether the roof has rails.
         spare: whether a spare wheel hangs on the rear door.
+        leans: ``(x, how far)`` the upper ends of the side windows' edges stand before the lower.
+        pillar: material of the pillars.
+        roof: material of the cabin above the belt, but for its windows.
+        quarter: half width in metres of the painted pillar before a rear quarter window, the
+            rearmost one; 0 without such a window.
     """
 
     top: _Points
@@ -134,6 +148,10 @@ class BodyShape:
     tall_mirrors: bool = False
     rails: bool = False
     spare: bool = False
+    leans: _Points = ()
+    pillar: Material = Material.PLASTIC_DARK
+    roof: Material = Material.PAINT
+    quarter: float = 0.0
 
     @property
     def rugged(self) -> bool:
@@ -192,20 +210,20 @@ class CarBody:
     """
 
     # Columns of a half section, from the middle of the floor over the side to the roof's middle.
-    _ARCH, _LIP, _SILL, _BELT, _GLASS, _RAIL, _ROOF, _MIDDLE = 2, 3, 4, 8, 9, 10, 11, 13
+    ARCH, LIP, SILL, BELT, GLASS, RAIL, ROOF, MIDDLE = 2, 3, 4, 8, 9, 10, 11, 13
 
     def __init__(self, shape: BodyShape, frame: BodyFrame) -> None:
         self.shape, self.frame = shape, frame
         self._top, self._belt = Curve(shape.top), Curve(shape.belt)
         self._width = Curve(shape.width)
+        self._sections: dict[float, Array] = {}
 
     def _stations(self) -> Array:
         """Relative x of the sections: even ones, feature edges, and arches in fine steps."""
         s, f = self.shape, self.frame
         edges = [*s.rear_window, *s.windscreen, *s.side_glass, -1.0, 1.0]
-        edges.append(s.windscreen[1] + _COWL)
-        half_pillar = 0.04 / f.half_length
-        for pillar in s.pillars:
+        edges.append(s.windscreen[1] + COWL)
+        for pillar, half_pillar, _ in self._pillars():
             edges += [pillar - half_pillar, pillar + half_pillar]
         for axle in f.axles:
             middle = (axle - f.center_x) / f.half_length
@@ -222,12 +240,25 @@ class CarBody:
         stations: Array = np.unique(np.round([*edges, *even], 4))
         return stations
 
+    def _pillars(self) -> list[tuple[float, float, Material]]:
+        """Relative x, relative half width and material of the pillars between side windows."""
+        s, f = self.shape, self.frame
+        pillars = [(x, _HALF_PILLAR_M / f.half_length, s.pillar) for x in s.pillars]
+        if s.quarter:
+            pillars[0] = (s.pillars[0], s.quarter / f.half_length, Material.PAINT)
+        return pillars
+
     @property
     def _arch_radius(self) -> float:
         return self.frame.wheel_radius * 1.13
 
-    def _section(self, x: float) -> Array:
-        """``(14, 2)`` y, z of the half section at relative ``x``, metres."""
+    def section(self, x: float) -> Array:
+        """``(14, 2)`` y, z of the half section at relative ``x``, metres; not to be written to."""
+        if x not in self._sections:
+            self._sections[x] = self._new_section(x)
+        return self._sections[x]
+
+    def _new_section(self, x: float) -> Array:
         s, f = self.shape, self.frame
         height = f.height
         top, belt = float(self._top(x)) * height, float(self._belt(x)) * height
@@ -248,11 +279,16 @@ class CarBody:
         if s.cladding and not s.faceted:
             # The edge of bare plastic runs along the sills and round the arches.
             flank = min(max(s.cladding * height, arch + _FLARE_M), flank)
+        # Sills curve in under the doors; over arches and at bumpers the side goes straight down.
+        tucked = max(1.0 - (arch - floor) / _TUCK_M, 0.0) * min(
+            max((0.80 - abs(x)) / 0.1, 0.0), 1.0
+        )
+        tucked *= not s.faceted
         side = [
             (min(inner, w * 0.9), floor),
             (min(inner, w * 0.9), arch),
-            (w * 0.955, arch),
-            (w * 0.985, arch + 0.02),
+            (w * 0.955 - _TUCK_M * tucked, arch),
+            (w * 0.985 - 0.3 * _TUCK_M * tucked, arch + 0.02 + 0.6 * _TUCK_M * tucked),
             (w * 1.0, flank),
             (w * 0.995, arch + 0.62 * (belt - arch)),
             (w * 0.985, arch + 0.86 * (belt - arch)),
@@ -276,7 +312,7 @@ class CarBody:
         ]
         return np.array([(0.0, floor), *side, *upper])
 
-    def _place(self, x: Array, y: Array, z: Array) -> Array:
+    def place(self, x: Array, y: Array, z: Array) -> Array:
         """Points of the vehicle's frame from relative x and metric y, z: rounds both ends."""
         s, f = self.shape, self.frame
         across = np.clip(np.abs(y) / f.half_width, 0.0, 1.0)
@@ -289,60 +325,61 @@ class CarBody:
         return np.stack([f.center_x + x * (f.half_length - 0.025) - back, y, z], axis=-1)
 
     def add_to(self, builder: ShapeBuilder) -> None:
-        """Add the body, its windows, doors and mirrors."""
+        """Add the skin with its windows; :mod:`carstage_sim.content.car_trim` adds the rest."""
         x = self._stations()
-        half = np.stack([self._section(station) for station in x])
+        half = np.stack([self.section(station) for station in x])
+        along = self._leaning(x, half)
         full = np.concatenate([half[:, ::-1] * [-1.0, 1.0], half[:, 1:]], axis=1)
-        points = self._place(
-            np.repeat(x[:, None], full.shape[1], axis=1), full[..., 0], full[..., 1]
+        points = self.place(
+            np.concatenate([along[:, ::-1], along[:, 1:]], axis=1), full[..., 0], full[..., 1]
         )
         crease = 8.0 if self.shape.faceted else 40.0
         builder.grid(points, self._materials(x, half), crease_deg=crease)
         self._add_face(builder, half[-1], 1.0)
         self._add_face(builder, half[0], -1.0)
-        self._add_doors(builder)
-        self._add_lids(builder)
-        if not self.shape.faceted:
-            self._add_window_strips(builder)
-        if self.shape.rails:
-            self._add_rails(builder)
-        if self.shape.tall_mirrors:
-            self._add_tall_mirrors(builder)
-        elif self.shape.mirrors:
-            self._add_mirrors(builder)
+
+    def _leaning(self, x: Array, half: Array) -> Array:
+        """Relative x of each point of the sections, whose windows' upper ends are moved along."""
+        along = np.repeat(x[:, None], half.shape[1], axis=1)
+        if self.shape.leans:
+            away = np.interp(x, *np.array(self.shape.leans).T)
+            for k in np.flatnonzero(away):
+                along[k, self.RAIL] += away[k]
+                half[k, self.RAIL] = self.section(float(along[k, self.RAIL]))[self.RAIL]
+        return along
 
     def _materials(self, x: Array, half: Array) -> NDArray[np.uint8]:
         """Material of each quad between stations and columns."""
         s, f = self.shape, self.frame
         middle = (x[:-1] + x[1:]) / 2
         quads = uniform(Material.PAINT, len(middle), half.shape[1] - 1)
-        quads[:, : self._LIP] = Material.PLASTIC_DARK
-        lip = (half[:-1, self._SILL, 1] + half[1:, self._SILL, 1]) / 2
+        quads[:, : self.LIP] = Material.PLASTIC_DARK
+        lip = (half[:-1, self.SILL, 1] + half[1:, self.SILL, 1]) / 2
         ends = (np.abs(middle) > 0.8) & (lip < (s.clearance + 0.12) * f.height)
         raised = (lip > (s.clearance + 0.04) * f.height) & ~ends
-        quads[raised, self._LIP] = Material.PLASTIC_DARK
-        for column in range(self._LIP, self._BELT):
+        quads[raised, self.LIP] = Material.PLASTIC_DARK
+        for column in range(self.LIP, self.BELT):
             low = (half[:-1, column + 1, 1] + half[1:, column + 1, 1]) / 2
             quads[low < s.cladding * f.height + 1e-6, column] = Material.PLASTIC_DARK
         if s.cladding and not s.faceted:
-            quads[:, self._SILL] = Material.PLASTIC_DARK
-        rise = (half[:-1, self._MIDDLE, 1] + half[1:, self._MIDDLE, 1]) / 2 - (
-            half[:-1, self._BELT, 1] + half[1:, self._BELT, 1]
+            quads[:, self.SILL] = Material.PLASTIC_DARK
+        rise = (half[:-1, self.MIDDLE, 1] + half[1:, self.MIDDLE, 1]) / 2 - (
+            half[:-1, self.BELT, 1] + half[1:, self.BELT, 1]
         ) / 2
-        cabin = rise > 0.10 * f.height
+        cabin = rise > _LEAST_CABIN * f.height
+        quads[cabin & (middle < s.windscreen[0]), self.GLASS :] = s.roof
         glazed = cabin & (middle > s.side_glass[0]) & (middle < s.side_glass[1])
-        quads[glazed, self._GLASS] = Material.GLASS
+        quads[glazed, self.GLASS] = Material.GLASS
         if s.pillars:
-            quads[glazed & (middle < max(s.pillars)), self._GLASS] = s.rear_pane
-        for pillar in s.pillars:
-            at = glazed & (np.abs(middle - pillar) < 0.04 / f.half_length)
-            quads[at, self._GLASS] = Material.PLASTIC_DARK
+            quads[glazed & (middle < max(s.pillars)), self.GLASS] = s.rear_pane
+        for pillar, half_pillar, material in self._pillars():
+            quads[glazed & (np.abs(middle - pillar) < half_pillar), self.GLASS] = material
         screen = (middle > s.windscreen[0]) & (middle < s.windscreen[1])
         back = (middle > s.rear_window[0]) & (middle < s.rear_window[1])
-        quads[screen, self._ROOF :] = Material.GLASS
-        quads[back, self._ROOF :] = s.rear_pane
-        cowl = (middle > s.windscreen[1]) & (middle < s.windscreen[1] + _COWL)
-        quads[cowl, self._ROOF :] = Material.PLASTIC_DARK
+        quads[screen, self.ROOF :] = Material.GLASS
+        quads[back, self.ROOF :] = s.rear_pane
+        cowl = (middle > s.windscreen[1]) & (middle < s.windscreen[1] + COWL)
+        quads[cowl, self.ROOF :] = Material.PLASTIC_DARK
         return np.concatenate([quads[:, ::-1], quads], axis=1)
 
     def _add_face(self, builder: ShapeBuilder, half: Array, end: float) -> None:
@@ -351,9 +388,11 @@ class CarBody:
         y = half[1:, :1] * share
         z = np.repeat(half[1:, 1:], len(share), axis=1)
         # The middle of the roof is one point: the last row shrinks to it.
-        points = self._place(np.full_like(y, end), y, z)
+        points = self.place(np.full_like(y, end), y, z)
         rows = uniform(Material.PAINT, len(points) - 1, len(share) - 1)
         rows[:2] = Material.PLASTIC_DARK
+        if half[self.MIDDLE, 1] - half[self.BELT, 1] > _LEAST_CABIN * self.frame.height:
+            rows[self.GLASS - 1 :] = self.shape.roof
         builder.grid(points if end < 0 else points[:, ::-1], rows)
 
     def roof(self, x: float) -> float:
@@ -370,9 +409,13 @@ class CarBody:
         """Height in metres of the line under the side windows at relative ``x``."""
         return float(self._belt(x)) * self.frame.height
 
+    def beside(self, x: float) -> float:
+        """Half width in metres at the belt's height at relative ``x``."""
+        return float(self._width(x)) * self.frame.half_width
+
     def across(self, x: float, z: Array) -> Array:
         """Half width in metres of the skin at relative ``x`` and heights ``z`` (m)."""
-        half = self._section(x)[self._SILL :]
+        half = self.section(x)[self.SILL :]
         width: Array = np.interp(z, half[:, 1], half[:, 0])
         return width
 
@@ -383,7 +426,7 @@ class CarBody:
         along = f.half_length - 0.025
         relative = (x - f.center_x) / along
         for _ in range(3):
-            relative = relative + (x - self._place(relative, y, z)[:, 0]) / along
+            relative = relative + (x - self.place(relative, y, z)[:, 0]) / along
         relative = np.round(np.clip(relative, -0.96, 0.96), 2)
         kept = points.copy()
         for station in np.unique(relative):
@@ -392,14 +435,14 @@ class CarBody:
             wide = np.maximum(self.across(float(station), kept[here, 2] + margin) - margin, 0.0)
             # Between the wheel housings, wherever they are: edges run past them.
             low = kept[here, 2] < f.wheel_radius + self._arch_radius + margin
-            inner = float(self._section(float(station))[self._ARCH, 0]) - margin
+            inner = float(self.section(float(station))[self.ARCH, 0]) - margin
             wide[low] = np.minimum(wide[low], inner)
             kept[here, 1] = np.clip(y[here], -wide, wide)
         return kept
 
     def on_face(self, end: float, y: Array, z: Array, raised: float) -> Array:
         """Points (metric ``y``, ``z``) on the front (``end`` 1) or rear (-1) face."""
-        points = self._place(np.full_like(y, end), y, z)
+        points = self.place(np.full_like(y, end), y, z)
         points[..., 0] += end * raised
         return points
 
@@ -435,7 +478,7 @@ class CarBody:
             wide = self.across(x, z if beyond else np.full_like(z, z.mean()))
             side = np.clip((abs(share) - 0.85) / 0.15, 0.0, 1.0) * np.sign(share)
             y = np.clip(share, -1.0, 1.0) * wide
-            points[:, column] = self._place(np.full_like(y, x), y, z)
+            points[:, column] = self.place(np.full_like(y, x), y, z)
             points[:, column, 1] += side * raised
         points[..., 0] += end * raised
         builder.grid(points, material)
@@ -466,7 +509,7 @@ class CarBody:
         high, low = self.shape.windscreen
         x = np.linspace(low, high, 16)
         relative = np.interp(z, self._top(x) * self.frame.height, x)
-        points = self._place(relative, y, z)
+        points = self.place(relative, y, z)
         points[..., 0] += raised
         return points
 
@@ -474,10 +517,18 @@ class CarBody:
         """Points of the right side's skin at relative ``x`` and (fractional) section columns."""
         points = np.empty((len(x), 2))
         for k, (station, place) in enumerate(zip(x, column, strict=True)):
-            half = self._section(float(station))
+            half = self.section(float(station))
             number = np.arange(len(half))
             points[k] = [np.interp(place, number, half[:, axis]) for axis in range(2)]
-        return self._place(x, points[:, 0], points[:, 1])
+        return self.place(x, points[:, 0], points[:, 1])
+
+    def _outward(self, x: Array, column: Array) -> Array:
+        """Directions that the skin looks to at relative ``x`` and section columns."""
+        ahead = self.skin(np.minimum(x + _ASIDE, 1.0), column)
+        behind = self.skin(np.maximum(x - _ASIDE, -1.0), column)
+        above = self.skin(x, np.minimum(column + 10 * _ASIDE, self.MIDDLE))
+        below = self.skin(x, np.maximum(column - 10 * _ASIDE, 0.0))
+        return np.cross(above - below, ahead - behind)
 
     def ribbon(
         self,
@@ -503,38 +554,13 @@ class CarBody:
         line = self.skin(x, column)
         along = np.gradient(line, axis=0)
         along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
-        outward = line - np.array([0.0, 0.0, 0.30 * self.frame.height])
-        outward[:, 0] = 0.0
+        outward = self._outward(x, column)
         outward -= (outward * along).sum(axis=1, keepdims=True) * along
         outward /= np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-9)
         aside = np.cross(along, outward) * wide / 2
         edges = np.stack([line - aside, line + aside]) + outward * raised
         for sign in sides:
             builder.grid(edges * np.array([1.0, sign, 1.0]), material)
-
-    def _add_doors(self, builder: ShapeBuilder) -> None:
-        """Seams below the pillars and at the windows' ends, and a handle before each seam."""
-        s, f = self.shape, self.frame
-        seams = [s.side_glass[1] - 0.03, *s.pillars]
-        for number, seam in enumerate(sorted(seams)):
-            half = self._section(seam)[self._SILL : self._BELT + 1]
-            if half[0, 1] > (s.clearance + 0.08) * f.height:
-                continue
-            for sign in (-1.0, 1.0):
-                y = sign * (half[:, 0] + 0.002)
-                line = [
-                    self._place(np.full(len(y), seam + shift / f.half_length), y, half[:, 1])
-                    for shift in (-0.005, 0.005)
-                ]
-                builder.grid(np.stack(line), Material.PLASTIC_DARK)
-                if number == len(seams) - 1:
-                    continue
-                grip = float(self._belt(seam)) * f.height - 0.09
-                side = sorted((sign * (half[-2, 0] - 0.02), sign * (half[-2, 0] + 0.012)))
-                x = f.center_x + seam * f.half_length + 0.06
-                builder.box(
-                    (x, side[0], grip - 0.012), (x + 0.17, side[1], grip + 0.012), Material.PAINT
-                )
 
     def side_band(
         self,
@@ -554,82 +580,4 @@ class CarBody:
         for sign in sides:
             along = np.repeat(stations[:, None], len(height), axis=1)
             up = np.broadcast_to(height, along.shape)
-            builder.grid(self._place(along, sign * wide, up), material)
-
-    def _add_lids(self, builder: ShapeBuilder) -> None:
-        """Seams of the bonnet and the boot, wipers, door handles' line."""
-        s = self.shape
-        dark = Material.PLASTIC_DARK
-        foot = s.windscreen[1] + _COWL
-        shoulder = self._GLASS + 0.05
-        if foot < 0.92:
-            sides = [(x, shoulder) for x in np.linspace(foot, 0.955, 7)]
-            lid = [(0.955, c) for c in np.linspace(shoulder, self._MIDDLE, 5)]
-            self.ribbon(builder, [*sides, *lid[1:]], dark, wide=0.015, raised=0.012)
-        if s.boot:
-            start = s.rear_window[0] - 0.01
-            sides = [(x, shoulder) for x in np.linspace(start, -0.985, 5)]
-            self.ribbon(builder, sides, dark)
-        low, high = s.windscreen[1], s.windscreen[0]
-        for first, last, sign in ((0.10, 0.80, 1.0), (0.55, 0.05, -1.0)):
-            # The blade rests along the foot of the pane.
-            x0, x1 = (low - share * 0.16 * (low - high) for share in (0.2, 1.0))
-            columns = self._MIDDLE - (self._MIDDLE - self._ROOF) * np.array([first, last])
-            blade = [(x0, float(columns[0])), (x1, float(columns[1]))]
-            self.ribbon(builder, blade, dark, wide=0.025, raised=0.012, sides=(sign,))
-
-    def _add_mirrors(self, builder: ShapeBuilder) -> None:
-        """Two mirrors at the front end of the side windows, out to the box's sides."""
-        s, f = self.shape, self.frame
-        x = f.center_x + (s.side_glass[1] - 0.05) * f.half_length
-        z = float(self._belt(s.side_glass[1])) * f.height + 0.07
-        body = float(self._width(s.side_glass[1])) * f.half_width * 0.93
-        out = max(f.reach - 0.005, body + 0.08)
-        wide = min(0.24, out - body)
-        for sign in (-1.0, 1.0):
-            builder.limb(
-                [
-                    (x, sign * (out - wide), z),
-                    (x, sign * (out - wide * 0.8), z + 0.01),
-                    (x, sign * (out - wide * 0.25), z + 0.012),
-                    (x, sign * out, z + 0.005),
-                ],
-                [0.03, 0.085, 0.085, 0.04],
-                Material.PAINT,
-                squash=0.75,
-            )
-
-    def _add_window_strips(self, builder: ShapeBuilder) -> None:
-        """Strips below and above the side windows; an SUV's lower one is bright."""
-        s = self.shape
-        first, last = s.side_glass
-        bright = Material.RIM if s.rails else Material.PLASTIC_DARK
-        for column, material in ((self._BELT + 0.5, bright), (self._RAIL, Material.PLASTIC_DARK)):
-            line = [(x, column) for x in np.linspace(first, last, 6)]
-            self.ribbon(builder, line, material, wide=0.022, raised=0.004)
-
-    def _add_rails(self, builder: ShapeBuilder) -> None:
-        """Rails along the roof's edges."""
-        s = self.shape
-        first = s.side_glass[0]
-        x = np.linspace(first + 0.06, s.windscreen[0] - 0.06, 5)
-        line = self.skin(x, np.full(len(x), self._ROOF - 0.35))
-        line[1:-1, 2] += 0.024
-        radii = [0.018, 0.02, 0.02, 0.02, 0.018]
-        for sign in (-1.0, 1.0):
-            builder.limb(line * np.array([1.0, sign, 1.0]), radii, Material.RIM, sides=4)
-
-    def _add_tall_mirrors(self, builder: ShapeBuilder) -> None:
-        """Upright mirrors on arms before the windscreen's upper corners, within the box."""
-        s, f = self.shape, self.frame
-        top = self.roof(s.windscreen[0]) - 0.05 * f.height
-        low = top - 0.24 * f.height
-        for sign in (-1.0, 1.0):
-            edge = self.skin(np.array([s.windscreen[0]]), np.array([float(self._ROOF)]))[0]
-            out = sign * (f.reach - 0.005)
-            across = sorted((out, out - sign * min(0.22, 0.12 * f.half_width)))
-            x = edge[0] + 0.10
-            case = ((x, across[0], low), (x + 0.09, across[1], top))
-            builder.box(*case, Material.PLASTIC_DARK)
-            arm = [(edge[0] - 0.05, sign * edge[1], top - 0.02), (x + 0.05, out * 0.97, top - 0.02)]
-            builder.limb(arm, [0.022, 0.022], Material.PLASTIC_DARK, sides=5)
+            builder.grid(self.place(along, sign * wide, up), material)

@@ -10,7 +10,8 @@ from carstage_sim.content.lofting import Array, ShapeBuilder, uniform
 from carstage_sim.mesh import Material
 
 _SIDES = ((-1.0, Material.BLINKER_LEFT), (1.0, Material.BLINKER_RIGHT))
-_PLATE_HALF_M = (0.26, 0.056)
+PLATE_HALF_M = (0.26, 0.056)
+"""Half width and half height of a number plate."""
 _FRONT, _REAR = 1.0, -1.0
 SPARE_M = 0.17
 """How far a spare wheel stands off a rear door."""
@@ -33,9 +34,9 @@ def add_front(builder: ShapeBuilder, body: CarBody, plate: str) -> None:
         lip = [(u, s.clearance + 0.012, s.clearance + 0.05) for u in _even(9)]
         body.panel(builder, _FRONT, lip, dark, raised=0.010, rows=1)
     if s.grille is not None:
-        _add_grille(builder, body, s.grille)
-    for sign, blinker in _SIDES:
-        _add_head_lamp(builder, body, sign, blinker)
+        add_grille(builder, body, s.grille)
+    add_head_lamps(builder, body)
+    for sign in (-1.0, 1.0):
         fog = min(wide + 0.10, 0.86)
         z = low + 0.45 * (high - low)
         if fog > wide:
@@ -69,16 +70,30 @@ def _even(count: int) -> list[float]:
     return [float(u) for u in np.linspace(-1.0, 1.0, count)]
 
 
-def _add_grille(builder: ShapeBuilder, body: CarBody, opening: tuple[float, float, float]) -> None:
+def _rounded(wide: float, low: float, high: float) -> list[tuple[float, float, float]]:
+    """An opening with rounded corners, narrower at its foot."""
+    tall = high - low
+    columns = []
+    for u in (-1.0, -0.96, -0.88, -0.6, 0.0, 0.6, 0.88, 0.96, 1.0):
+        cut = abs(u) ** 8
+        columns.append((u * wide, low + 0.42 * tall * cut, high - 0.16 * tall * cut))
+    return columns
+
+
+def add_grille(builder: ShapeBuilder, body: CarBody, opening: tuple[float, float, float]) -> None:
+    """Add a grille: ``opening`` is z from, z to (shares of the height), half width as a share."""
     low, high, wide = opening
     bars = body.shape.bars
     step = (high - low) / 7
     if bars is Bars.VEE:
         _add_vee(builder, body, opening)
         return
-    rim = [(u * wide * 1.06, low - 0.010, high + 0.010) for u in _even(5)]
+    if bars is Bars.SLOTS:
+        _add_slots(builder, body, opening)
+        return
+    rim = _rounded(1.04 * wide, low - 0.008, high + 0.008)
     body.panel(builder, _FRONT, rim, Material.RIM, raised=0.005)
-    hole = [(u * wide, low, high) for u in _even(5)]
+    hole = _rounded(wide, low, high)
     body.panel(builder, _FRONT, hole, Material.PLASTIC_DARK, raised=0.008)
     if bars is Bars.ACROSS:
         for k in (1, 3, 5):
@@ -87,18 +102,34 @@ def _add_grille(builder: ShapeBuilder, body: CarBody, opening: tuple[float, floa
     elif bars is Bars.UPRIGHT:
         for k in range(7):
             u = (k - 3) / 3.5 * wide
-            bar = [(u - 0.05 * wide, low, high), (u + 0.05 * wide, low, high)]
-            body.panel(builder, _FRONT, bar, Material.PAINT, raised=0.013)
+            bar = [(v, *_between(hole, v)) for v in (u - 0.035 * wide, u + 0.035 * wide)]
+            body.panel(builder, _FRONT, bar, Material.RIM, raised=0.013)
     else:
         for k in range(1, 7):
-            bar = [(u * wide, low + k * step, low + (k + 0.25) * step) for u in _even(5)]
-            body.panel(builder, _FRONT, bar, Material.PAINT_GREY, raised=0.011, rows=1)
-    _add_badge(builder, body, low + 0.58 * (high - low))
+            half = wide * (0.97 - 0.06 * abs(k - 3.5))
+            bar = [(u * half, low + k * step, low + (k + 0.25) * step) for u in _even(5)]
+            body.panel(builder, _FRONT, bar, Material.PAINT_BLACK, raised=0.011, rows=1)
+    _add_badge(builder, body, low + 0.58 * (high - low), high - low)
 
 
-def _add_badge(builder: ShapeBuilder, body: CarBody, z: float) -> None:
-    body.disc(builder, _FRONT, (0.0, z), 0.055, Material.RIM, raised=0.018)
-    body.disc(builder, _FRONT, (0.0, z), 0.040, Material.PAINT_BLACK, raised=0.021)
+def _add_slots(builder: ShapeBuilder, body: CarBody, opening: tuple[float, float, float]) -> None:
+    """Seven upright openings with rounded ends in the painted sheet."""
+    low, high, wide = opening
+    tall = high - low
+    for k in range(7):
+        middle, half = (k - 3) / 3.5 * wide, 0.085 * wide
+        slot = [
+            (middle + u * half, low + 0.10 * tall * abs(u) ** 3, high - 0.10 * tall * abs(u) ** 3)
+            for u in (-1.0, -0.7, 0.7, 1.0)
+        ]
+        body.panel(builder, _FRONT, slot, Material.PAINT_BLACK, raised=0.009)
+
+
+def _add_badge(builder: ShapeBuilder, body: CarBody, z: float, tall: float) -> None:
+    """A round badge in an opening whose height is a share ``tall`` of the body's."""
+    radius = min(0.055, 0.42 * tall * body.frame.height)
+    body.disc(builder, _FRONT, (0.0, z), radius, Material.RIM, raised=0.018)
+    body.disc(builder, _FRONT, (0.0, z), 0.73 * radius, Material.PAINT_BLACK, raised=0.021)
 
 
 def _add_vee(builder: ShapeBuilder, body: CarBody, opening: tuple[float, float, float]) -> None:
@@ -124,7 +155,7 @@ def _add_vee(builder: ShapeBuilder, body: CarBody, opening: tuple[float, float, 
         body.panel(builder, _FRONT, arm, Material.RIM, raised=0.016, rows=1)
     foot = [(u * 0.46 * wide, low - 0.012, low + 0.020) for u in _even(3)]
     body.panel(builder, _FRONT, foot, Material.RIM, raised=0.015, rows=1)
-    _add_badge(builder, body, low + 0.62 * tall)
+    _add_badge(builder, body, low + 0.62 * tall, tall)
 
 
 def _lamp_outline(
@@ -146,6 +177,12 @@ def _lamp_outline(
 def _slice(outline: Outline, low: float, high: float) -> list[tuple[float, float, float]]:
     """The same columns between two shares of their height."""
     return [(u, a + low * (b - a), a + high * (b - a)) for u, a, b in outline]
+
+
+def add_head_lamps(builder: ShapeBuilder, body: CarBody) -> None:
+    """Add the head lamps and the front's turn signals."""
+    for sign, blinker in _SIDES:
+        _add_head_lamp(builder, body, sign, blinker)
 
 
 def _add_head_lamp(builder: ShapeBuilder, body: CarBody, sign: float, blinker: Material) -> None:
@@ -206,12 +243,7 @@ def add_rear(builder: ShapeBuilder, body: CarBody, plate: str) -> None:
     s, f = body.shape, body.frame
     dark = Material.PLASTIC_DARK
     y0, _, z0, z1 = s.tail_lamp
-    if s.rear_glass is not None:
-        sill, lintel, wide = s.rear_glass
-        frame = [(u * (wide + 0.03), sill - 0.02, lintel + 0.02) for u in _even(7)]
-        body.panel(builder, _REAR, frame, dark, raised=0.004)
-        pane = [(u * wide, sill, lintel) for u in _even(7)]
-        body.panel(builder, _REAR, pane, s.rear_pane)
+    add_rear_glass(builder, body)
     floor = body.floor(-1.0) / f.height
     bumper = max(s.clearance + 0.17, floor + 0.115)
     if not s.rugged:
@@ -219,7 +251,8 @@ def add_rear(builder: ShapeBuilder, body: CarBody, plate: str) -> None:
         body.panel(builder, _REAR, valance, dark, raised=0.010)
         crease = [(u, bumper, bumper + 0.008) for u in (-1.2, -1.05, *_even(9), 1.05, 1.2)]
         body.panel(builder, _REAR, crease, dark, raised=0.004, rows=1)
-    under_plate = max(z0 - 0.10, bumper + 0.07) if s.boot else max(z0 - 0.02, bumper + 0.08)
+    below = 0.10 if s.boot else 0.15 if s.tails is Tails.STRIP else 0.02
+    under_plate = max(z0 - below, bumper + (0.07 if s.boot else 0.08))
     if s.spare:
         under_plate = floor + 0.045
     recess = [(u * 0.40, under_plate - 0.055, under_plate + 0.062) for u in _even(3)]
@@ -231,8 +264,8 @@ def add_rear(builder: ShapeBuilder, body: CarBody, plate: str) -> None:
         badge = under_plate + 0.068 + 0.045
         if s.tails is not Tails.STRIP:
             body.disc(builder, _REAR, (0.0, badge), 0.042, Material.RIM, raised=0.012)
-    for sign, blinker in _SIDES:
-        _add_tail_lamp(builder, body, sign, blinker)
+    add_tail_lamps(builder, body)
+    for sign in (-1.0, 1.0):
         seam = (y0 + 0.03 if y0 else 0.64) if s.boot else 0.93
         lid = [(sign * seam, bumper, z0 if s.boot else z1 + 0.02)]
         lid.append((sign * (seam + 0.012), *lid[0][1:]))
@@ -243,9 +276,27 @@ def add_rear(builder: ShapeBuilder, body: CarBody, plate: str) -> None:
             tip = (sign * 0.58, floor + 0.03)
             body.disc(builder, _REAR, tip, 0.042, Material.RIM, raised=0.016)
             body.disc(builder, _REAR, tip, 0.032, Material.PAINT_BLACK, raised=0.019)
-    _add_high_brake_lamp(builder, body)
     if s.rugged:
         _add_tailgate(builder, body, under_plate)
+
+
+def add_rear_glass(builder: ShapeBuilder, body: CarBody) -> None:
+    """Add the window of an upright rear face, where the shape has one."""
+    s = body.shape
+    if s.rear_glass is None:
+        return
+    sill, lintel, wide = s.rear_glass
+    frame = [(u * (wide + 0.03), sill - 0.02, lintel + 0.02) for u in _even(7)]
+    body.panel(builder, _REAR, frame, Material.PLASTIC_DARK, raised=0.004)
+    pane = [(u * wide, sill, lintel) for u in _even(7)]
+    body.panel(builder, _REAR, pane, s.rear_pane)
+
+
+def add_tail_lamps(builder: ShapeBuilder, body: CarBody) -> None:
+    """Add the lamps at the rear's sides and the brake lamp above."""
+    for sign, blinker in _SIDES:
+        _add_tail_lamp(builder, body, sign, blinker)
+    _add_high_brake_lamp(builder, body)
 
 
 def _add_tailgate(builder: ShapeBuilder, body: CarBody, plate: float) -> None:
@@ -256,15 +307,16 @@ def _add_tailgate(builder: ShapeBuilder, body: CarBody, plate: float) -> None:
     body.panel(builder, _REAR, bumper, Material.PLASTIC_DARK, raised=0.003)
     if s.spare:
         center = (f.center_x - f.half_length - 0.085, 0.0, 0.49 * f.height)
-        _add_spare(builder, center, 0.88 * f.wheel_radius)
+        add_spare(builder, center, 0.88 * f.wheel_radius)
         return
     skid = [(u * 0.40, floor - 0.002, floor + 0.045) for u in _even(5)]
     body.panel(builder, _REAR, skid, Material.PAINT_GREY, raised=0.014, rows=1)
-    strip = [(u * (s.tail_lamp[0] - 0.01), plate + 0.075, plate + 0.10) for u in _even(5)]
-    body.panel(builder, _REAR, strip, Material.RIM, raised=0.013, rows=1)
+    if s.tails is not Tails.STRIP:
+        strip = [(u * (s.tail_lamp[0] - 0.01), plate + 0.075, plate + 0.10) for u in _even(5)]
+        body.panel(builder, _REAR, strip, Material.RIM, raised=0.013, rows=1)
 
 
-def _add_spare(builder: ShapeBuilder, center: tuple[float, float, float], radius: float) -> None:
+def add_spare(builder: ShapeBuilder, center: tuple[float, float, float], radius: float) -> None:
     """A wheel on the rear door, its outer side to the rear."""
     half = SPARE_M / 2.0 - 0.005
     profile = [
@@ -293,7 +345,7 @@ def _add_high_brake_lamp(builder: ShapeBuilder, body: CarBody) -> None:
         return
     edge = s.rear_window[1] - 0.05 * (s.rear_window[1] - s.rear_window[0])
     path = [(edge, c) for c in (12.72, 13.0)]
-    body.ribbon(builder, path, Material.BRAKE_LAMP, wide=0.03, raised=0.006)
+    body.ribbon(builder, path, Material.BRAKE_LAMP, wide=0.03, raised=0.012)
 
 
 def _add_tail_lamp(builder: ShapeBuilder, body: CarBody, sign: float, blinker: Material) -> None:
@@ -301,6 +353,8 @@ def _add_tail_lamp(builder: ShapeBuilder, body: CarBody, sign: float, blinker: M
     y0, y1, z0, z1 = s.tail_lamp
     tail, back = Material.TAIL_LAMP, Material.REVERSE_LAMP
     if s.tails is Tails.STRIP:
+        around = [(sign * u, z0 - 0.009, z1 + 0.009) for u in np.linspace(y0, y1, 6)]
+        body.panel(builder, _REAR, around, Material.PLASTIC_DARK, raised=0.005)
         line = [(sign * u, z0, z1) for u in np.linspace(y0, y1, 6)]
         body.panel(builder, _REAR, line, tail, raised=0.012, rows=1)
         for first, last, material in ((0.66, 0.80, back), (0.82, 0.98, blinker)):
@@ -330,12 +384,24 @@ def _add_tail_lamp(builder: ShapeBuilder, body: CarBody, sign: float, blinker: M
 
 
 def _add_plate(builder: ShapeBuilder, body: CarBody, end: float, z: float, number: str) -> None:
-    """A plate with its number and a coloured end, in the middle of a face."""
-    half, tall = _PLATE_HALF_M
+    """A plate in the middle of a face."""
+    # Plates are flat: they stand where the face does in its middle.
+    x = body.on_face(end, np.zeros(1), np.array([z]), 0.022)[0, 0]
+    add_number_plate(builder, float(x), end, z, number)
+
+
+def add_number_plate(builder: ShapeBuilder, x: float, end: float, z: float, number: str) -> None:
+    """Add an upright plate with its number and a coloured end.
+
+    Args:
+        builder: receives it.
+        x, z: of its middle, metres.
+        end: where it looks to, 1 ahead and -1 behind.
+        number: what it says.
+    """
+    half, tall = PLATE_HALF_M
 
     def place(along: Array, up: Array) -> Array:
-        # Plates are flat: they stand where the face does in its middle.
-        x = body.on_face(end, np.zeros(1), np.array([z]), 0.022)[0, 0]
         return np.stack([np.full_like(along, x), -end * along, z + up], axis=-1)
 
     corners = np.array([(-half, -tall), (half, -tall), (half, tall), (-half, tall)])

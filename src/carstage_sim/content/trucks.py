@@ -9,6 +9,7 @@ import numpy as np
 from carstage_sim.content.cabins import Cabin, add_cabin
 from carstage_sim.content.car_body import Bars, BodyShape, CarBody, Lamps
 from carstage_sim.content.car_faces import add_front
+from carstage_sim.content.car_trim import add_trim
 from carstage_sim.content.lettering import add_text
 from carstage_sim.content.lofting import ShapeBuilder
 from carstage_sim.content.marks import add_light_bar, add_rear_text, add_side_text
@@ -29,6 +30,7 @@ def add_ambulance(builder: ShapeBuilder, build: Build, frame: VehicleFrame) -> N
     body = frame.body(0.80, frame.low[0], frame.high[0], top * 0.88)
     car = CarBody(shape, body)
     car.add_to(builder)
+    add_trim(builder, car)
     add_front(builder, car, frame.plate)
     add_cabin(builder, car, Cabin(rows=0, occupied=frame.occupied))
     front = frame.low[0] + 0.62 * (frame.high[0] - frame.low[0])
@@ -213,6 +215,7 @@ def _add_cab(
     body = frame.body(share, rear, frame.high[0], height * frame.high[2])
     cab = CarBody(_cab_shape(build), body)
     cab.add_to(builder)
+    add_trim(builder, cab)
     add_front(builder, cab, frame.plate)
     rows = 1 if build is Build.FIRE_ENGINE else 0
     add_cabin(builder, cab, Cabin(rows=rows, occupied=frame.occupied))

@@ -7,7 +7,10 @@ from enum import Enum
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
+
 from carstage_sim.content.car_body import Bars, BodyShape, Lamps, Tails
+from carstage_sim.mesh import Material
 
 
 class Build(Enum):
@@ -55,6 +58,33 @@ def _straight(*points: tuple[float, float]) -> tuple[tuple[float, float], ...]:
     return tuple(line)
 
 
+def _moved(shape: BodyShape, *pairs: tuple[float, float]) -> BodyShape:
+    """A shape of which all at one x stands at another, what is between them in proportion.
+
+    Args:
+        shape: the outline.
+        pairs: x of the outline, and where it comes to stand.
+    """
+    old, new = np.array(sorted([(-1.0, -1.0), *pairs, (1.0, 1.0)])).T
+
+    def at(x: float) -> float:
+        return float(np.interp(x, old, new)) if -1.0 <= x <= 1.0 else x
+
+    def curve(points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+        return tuple((at(x), value) for x, value in points)
+
+    return replace(
+        shape,
+        top=curve(shape.top),
+        belt=curve(shape.belt),
+        rear_window=(at(shape.rear_window[0]), at(shape.rear_window[1])),
+        windscreen=(at(shape.windscreen[0]), at(shape.windscreen[1])),
+        side_glass=(at(shape.side_glass[0]), at(shape.side_glass[1])),
+        pillars=tuple(at(x) for x in shape.pillars),
+        leans=curve(shape.leans),
+    )
+
+
 _SEDAN = BodyShape(
     top=(
         (-1.0, 0.67), (-0.93, 0.705), (-0.76, 0.735), (-0.70, 0.75), (-0.34, 0.955),
@@ -64,8 +94,8 @@ _SEDAN = BodyShape(
     belt=((-1.0, 0.61), (-0.7, 0.665), (0.2, 0.625), (0.5, 0.60), (0.8, 0.545), (1.0, 0.475)),
     width=_ROUND, rear_window=(-0.69, -0.34), windscreen=(0.20, 0.50),
     side_glass=(-0.52, 0.41), pillars=(-0.06,),
-    head_lamp=(0.52, 1.26, 0.385, 0.465), tail_lamp=(0.46, 1.22, 0.485, 0.59),
-    grille=(0.335, 0.46, 0.42), intake=(0.165, 0.275, 0.72),
+    head_lamp=(0.52, 1.26, 0.415, 0.495), tail_lamp=(0.46, 1.22, 0.485, 0.59),
+    grille=(0.37, 0.50, 0.42), intake=(0.165, 0.29, 0.72),
 )
 _HATCH = BodyShape(
     top=(
@@ -76,24 +106,24 @@ _HATCH = BodyShape(
     belt=((-1.0, 0.61), (-0.7, 0.65), (0.2, 0.605), (0.5, 0.575), (0.8, 0.525), (1.0, 0.455)),
     width=_ROUND, rear_window=(-0.975, -0.80), windscreen=(0.18, 0.52),
     side_glass=(-0.68, 0.43), pillars=(-0.40, 0.0),
-    head_lamp=(0.54, 1.24, 0.365, 0.45), tail_lamp=(0.60, 1.18, 0.45, 0.60),
-    grille=(0.345, 0.435, 0.48), bars=Bars.MESH, intake=(0.165, 0.285, 0.66), tail_lean=0.04,
-    boot=False, tinted=True,
+    head_lamp=(0.54, 1.24, 0.39, 0.48), tail_lamp=(0.60, 1.18, 0.45, 0.60),
+    grille=(0.385, 0.475, 0.48), bars=Bars.MESH, intake=(0.165, 0.30, 0.66), tail_lean=0.04,
+    boot=False, tinted=True, leans=((-0.90, 0.0), (-0.68, 0.06), (-0.42, 0.0)),
 )
 _SUV = BodyShape(
     top=(
-        (-1.0, 0.65), (-0.985, 0.70), (-0.95, 0.815), (-0.905, 0.92), (-0.86, 0.962),
-        (-0.72, 0.985), (-0.3, 1.0), (0.12, 0.99),
-        (0.22, 0.955), (0.44, 0.715), (0.50, 0.69), (0.78, 0.665), (0.92, 0.64), (0.975, 0.61),
-        (1.0, 0.57),
+        (-1.0, 0.65), (-0.985, 0.70), (-0.95, 0.84), (-0.915, 0.935), (-0.87, 0.972),
+        (-0.72, 0.988), (-0.3, 1.0), (0.08, 0.99), (0.19, 0.955), (0.415, 0.70), (0.46, 0.675),
+        (0.78, 0.65), (0.92, 0.625), (0.975, 0.60), (1.0, 0.56),
     ),
-    belt=((-1.0, 0.61), (-0.5, 0.62), (0.3, 0.60), (0.5, 0.60), (0.8, 0.585), (1.0, 0.53)),
-    width=_ROUND, rear_window=(-0.98, -0.90), windscreen=(0.20, 0.45),
-    side_glass=(-0.84, 0.37), pillars=(-0.48, -0.04),
-    clearance=0.125, tumblehome=0.16, cladding=0.23, nose_round=0.17, nose_lean=0.05,
+    belt=((-1.0, 0.61), (-0.5, 0.615), (0.3, 0.60), (0.5, 0.59), (0.8, 0.575), (1.0, 0.52)),
+    width=_ROUND, rear_window=(-0.975, -0.90), windscreen=(0.18, 0.42),
+    side_glass=(-0.87, 0.34), pillars=(-0.56, -0.10),
+    leans=((-0.98, 0.0), (-0.87, 0.075), (-0.56, 0.045), (-0.30, 0.0)), quarter=0.06,
+    clearance=0.125, tumblehome=0.17, cladding=0.23, nose_round=0.17, nose_lean=0.05,
     tail_lean=0.03,
-    head_lamp=(0.58, 1.14, 0.43, 0.505), tail_lamp=(0.68, 1.12, 0.42, 0.61), tails=Tails.UPRIGHT,
-    grille=(0.35, 0.525, 0.52), intake=(0.205, 0.29, 0.66), boot=False,
+    head_lamp=(0.56, 1.16, 0.455, 0.535), tail_lamp=(0.70, 1.12, 0.43, 0.61),
+    tails=Tails.UPRIGHT, grille=(0.37, 0.565, 0.53), intake=(0.205, 0.30, 0.66), boot=False,
     tinted=True, rails=True,
 )
 
@@ -102,30 +132,32 @@ SHAPES: dict[Build, BodyShape] = {
     Build.HATCH: _HATCH,
     Build.COUPE: BodyShape(
         top=(
-            (-1.0, 0.68), (-0.93, 0.72), (-0.84, 0.745), (-0.40, 0.935), (-0.12, 1.0),
-            (0.04, 0.985), (0.12, 0.955), (0.40, 0.735), (0.47, 0.71), (0.78, 0.645),
-            (0.93, 0.585), (1.0, 0.515),
+            (-1.0, 0.655), (-0.96, 0.70), (-0.90, 0.722), (-0.84, 0.742), (-0.40, 0.935),
+            (-0.16, 0.995), (-0.06, 1.0), (0.02, 0.985), (0.10, 0.95), (0.38, 0.72), (0.45, 0.695),
+            (0.78, 0.635), (0.93, 0.58), (1.0, 0.515),
         ),
-        belt=((-1.0, 0.62), (-0.7, 0.68), (0.1, 0.645), (0.4, 0.62), (0.8, 0.56), (1.0, 0.465)),
-        width=_ROUND, rear_window=(-0.78, -0.40), windscreen=(0.11, 0.40),
-        side_glass=(-0.40, 0.31), pillars=(-0.22,),
-        head_lamp=(0.56, 1.24, 0.385, 0.455), tail_lamp=(0.42, 1.16, 0.505, 0.59),
-        grille=(0.29, 0.44, 0.52), bars=Bars.MESH, intake=(0.15, 0.255, 0.78), clearance=0.10,
+        belt=((-1.0, 0.60), (-0.7, 0.655), (0.1, 0.62), (0.4, 0.60), (0.8, 0.55), (1.0, 0.465)),
+        width=_ROUND, rear_window=(-0.80, -0.38), windscreen=(0.08, 0.38),
+        side_glass=(-0.60, 0.30), pillars=(-0.24,), tumblehome=0.26,
+        leans=((-0.74, 0.0), (-0.60, 0.06), (-0.40, 0.0)),
+        head_lamp=(0.56, 1.24, 0.41, 0.485), tail_lamp=(0.42, 1.16, 0.505, 0.59),
+        grille=(0.335, 0.475, 0.48), bars=Bars.MESH, intake=(0.15, 0.265, 0.78), clearance=0.10,
     ),
     Build.SUV: _SUV,
     Build.OFFROAD: replace(
         _SUV,
         top=(
-            (-1.0, 0.90), (-0.985, 0.95), (-0.95, 0.985), (-0.5, 1.0), (0.10, 0.99),
-            (0.17, 0.965), (0.30, 0.72), (0.36, 0.69), (0.80, 0.665), (0.97, 0.63), (1.0, 0.56),
+            (-1.0, 0.93), (-0.99, 0.97), (-0.95, 0.99), (-0.5, 1.0), (0.10, 0.99),
+            (0.17, 0.965), (0.30, 0.70), (0.36, 0.675), (0.80, 0.655), (0.97, 0.64), (1.0, 0.61),
         ),
-        belt=((-1.0, 0.63), (0.3, 0.63), (0.6, 0.62), (0.95, 0.59), (1.0, 0.53)),
-        width=_SQUARE, rear_window=(-1.2, -1.1), windscreen=(0.14, 0.31), side_glass=(-0.93, 0.26),
-        pillars=(-0.45, -0.08), tumblehome=0.09, nose_round=0.08, tail_round=0.06, nose_lean=0.02,
-        tail_lean=0.01, cladding=0.26, head_lamp=(0.55, 0.83, 0.42, 0.53), lamps=Lamps.ROUND,
-        tail_lamp=(0.80, 0.97, 0.44, 0.58), grille=(0.37, 0.555, 0.46), bars=Bars.UPRIGHT,
-        intake=(0.22, 0.30, 0.85),
-        rear_glass=(0.66, 0.90, 0.78), rails=False, spare=True,
+        belt=((-1.0, 0.61), (0.3, 0.61), (0.6, 0.61), (0.95, 0.60), (1.0, 0.57)),
+        width=((-1.0, 0.97), (-0.96, 1.0), (0.28, 1.0), (0.36, 0.97), (0.60, 0.88), (1.0, 0.80)),
+        rear_window=(-1.2, -1.1), windscreen=(0.14, 0.31), side_glass=(-0.93, 0.26),
+        pillars=(-0.40, -0.06), leans=(), quarter=0.0, roof=Material.PLASTIC_DARK,
+        tumblehome=0.12, nose_round=0.03, tail_round=0.04, nose_lean=0.01, tail_lean=0.01,
+        cladding=0.0, clearance=0.24, head_lamp=(0.58, 0.88, 0.487, 0.583), lamps=Lamps.ROUND,
+        tail_lamp=(0.80, 0.97, 0.43, 0.56), grille=(0.435, 0.60, 0.50), bars=Bars.SLOTS,
+        rear_glass=(0.66, 0.90, 0.78), tinted=False, rails=False, spare=True,
     ),
     Build.BUBBLE: replace(
         _HATCH,
@@ -153,12 +185,13 @@ SHAPES: dict[Build, BodyShape] = {
     ),
     Build.CAMPER: BodyShape(
         top=(
-            (-1.0, 0.78), (-0.985, 0.85), (-0.94, 0.93), (-0.80, 0.985), (-0.2, 1.0), (0.60, 0.99),
+            (-1.0, 0.88), (-0.985, 0.915), (-0.94, 0.955), (-0.80, 0.99), (-0.2, 1.0), (0.60, 0.99),
             (0.74, 0.965), (0.80, 0.93), (0.955, 0.62), (0.97, 0.57), (0.99, 0.49), (1.0, 0.40),
         ),
         belt=((-1.0, 0.56), (0.7, 0.56), (0.9, 0.55), (0.97, 0.50), (1.0, 0.36)),
-        width=_SQUARE, rear_window=(-0.99, -0.86), windscreen=(0.79, 0.957),
-        side_glass=(-0.86, 0.86), pillars=(-0.42, 0.05, 0.46), clearance=0.13, tumblehome=0.12,
+        width=_SQUARE, rear_window=(-1.2, -1.1), rear_glass=(0.59, 0.82, 0.68),
+        windscreen=(0.79, 0.957), side_glass=(-0.86, 0.86), pillars=(-0.42, 0.05, 0.46),
+        clearance=0.13, tumblehome=0.12,
         nose_round=0.20, tail_round=0.14, nose_lean=0.03, tail_lean=0.03,
         head_lamp=(0.60, 0.84, 0.32, 0.415), lamps=Lamps.ROUND, grille=None,
         tail_lamp=(0.78, 1.02, 0.34, 0.48), tails=Tails.UPRIGHT, intake=(0.17, 0.195, 0.8),
@@ -193,43 +226,110 @@ SHAPES: dict[Build, BodyShape] = {
 # fmt: on
 SHAPES[Build.AMBULANCE] = SHAPES[Build.VAN]
 
+_LEON = _moved(_HATCH, (0.18, 0.10), (0.52, 0.47))
+_CHARGER = _moved(_SEDAN, (0.20, 0.10), (0.50, 0.40))
+_LIMOUSINE = _moved(
+    _SEDAN, (-0.69, -0.58), (-0.52, -0.44), (-0.34, -0.28), (0.20, 0.13), (0.50, 0.39)
+)
+_MINI = replace(
+    _moved(_HATCH, (-0.62, -0.72), (0.18, 0.18), (0.52, 0.42)),
+    width=_SQUARE,
+    tumblehome=0.20,
+    roof=Material.PAINT_BLACK,
+    leans=((-0.96, 0.0), (-0.76, 0.04), (-0.5, 0.0)),
+    pillars=(-0.16,),
+    side_glass=(-0.76, 0.35),
+    lamps=Lamps.ROUND,
+    head_lamp=(0.62, 0.90, 0.42, 0.535),
+    grille=(0.37, 0.47, 0.44),
+    tail_lamp=(0.74, 1.06, 0.44, 0.60),
+    tails=Tails.UPRIGHT,
+)
+# Outlines of models whose windscreen or tail stands elsewhere than their build's: where the foot
+# and the top of the screen and the lower end of the rear window are on side views of the car.
+_OUTLINES: dict[str, BodyShape] = {
+    "audi.etron": replace(
+        _moved(_SUV, (0.18, 0.15), (0.42, 0.48)),
+        top=(
+            (-1.0, 0.63), (-0.985, 0.68), (-0.94, 0.79), (-0.87, 0.90), (-0.80, 0.945),
+            (-0.62, 0.975), (-0.25, 1.0), (0.03, 0.99), (0.15, 0.95), (0.48, 0.68), (0.54, 0.66),
+            (0.80, 0.64), (0.93, 0.61), (0.98, 0.58), (1.0, 0.54),
+        ),
+        belt=((-1.0, 0.60), (-0.6, 0.635), (0.3, 0.60), (0.5, 0.585), (0.8, 0.565), (1.0, 0.50)),
+        rear_window=(-0.965, -0.82), side_glass=(-0.78, 0.41), pillars=(-0.50, -0.05),
+        leans=((-0.95, 0.0), (-0.78, 0.10), (-0.50, 0.04), (-0.3, 0.0)),
+        quarter=0.0, tumblehome=0.22,
+    ),
+    "bmw.grandtourer": _moved(_HATCH, (-0.62, -0.74), (-0.40, -0.50), (0.52, 0.50)),
+    "chevrolet.impala": _LIMOUSINE,
+    "citroen.c3": _moved(_HATCH, (0.18, 0.15), (0.52, 0.50)),
+    "dodge.charger_2020": _CHARGER,
+    "dodge.charger_police": _CHARGER,
+    "dodge.charger_police_2020": _CHARGER,
+    "ford.crown": _LIMOUSINE,
+    "ford.mustang": _moved(SHAPES[Build.COUPE], (0.08, 0.02), (0.38, 0.32)),
+    "lincoln.mkz_2017": _moved(_SEDAN, (-0.69, -0.74), (0.20, 0.14), (0.50, 0.45)),
+    "lincoln.mkz_2020": _moved(_SEDAN, (-0.69, -0.74), (0.20, 0.14), (0.50, 0.45)),
+    "mini.cooper_s": _MINI,
+    "mini.cooper_s_2021": _MINI,
+    "nissan.micra": _moved(_HATCH, (0.52, 0.50)),
+    "nissan.patrol": replace(
+        _SUV,
+        top=(
+            (-1.0, 0.86), (-0.99, 0.93), (-0.96, 0.975), (-0.6, 1.0), (0.10, 0.995), (0.22, 0.965),
+            (0.40, 0.70), (0.45, 0.68), (0.80, 0.66), (0.95, 0.64), (0.985, 0.615), (1.0, 0.57),
+        ),
+        belt=((-1.0, 0.61), (0.3, 0.61), (0.5, 0.60), (0.8, 0.59), (0.95, 0.58), (1.0, 0.52)),
+        width=_SQUARE, rear_window=(-1.2, -1.1), rear_glass=(0.64, 0.89, 0.76),
+        windscreen=(0.21, 0.41), side_glass=(-0.92, 0.34), pillars=(-0.54, -0.06), leans=(),
+        pillar=Material.PAINT, tumblehome=0.13, nose_round=0.10, tail_round=0.06, nose_lean=0.02,
+        tail_lean=0.01, head_lamp=(0.55, 0.97, 0.45, 0.55), lamps=Lamps.SQUARE,
+        tail_lamp=(0.82, 0.98, 0.42, 0.58), grille=(0.45, 0.555, 0.48), spare=True,
+    ),
+    "seat.leon": _LEON,
+    "toyota.prius": _moved(_SEDAN, (-0.69, -0.86), (-0.34, -0.40), (0.20, 0.10), (0.50, 0.53)),
+}  # fmt: skip
+
 # What tells a model from others of its build.
 _OWN: dict[str, dict[str, Any]] = {
-    "audi.a2": {"grille": (0.335, 0.43, 0.40), "bars": Bars.ACROSS},
+    "audi.a2": {"grille": (0.365, 0.46, 0.40), "bars": Bars.ACROSS},
     "audi.etron": {
-        "grille": (0.30, 0.50, 0.40),
+        "grille": (0.325, 0.545, 0.42),
+        "head_lamp": (0.52, 1.18, 0.455, 0.525),
+        "tail_lamp": (0.0, 1.0, 0.57, 0.61),
         "bars": Bars.MESH,
-        "tails": Tails.SWEPT,
+        "tails": Tails.STRIP,
     },
-    "bmw.grandtourer": {"grille": (0.33, 0.44, 0.30), "bars": Bars.UPRIGHT},
+    "audi.tt": {"grille": (0.29, 0.475, 0.42)},
+    "bmw.grandtourer": {"grille": (0.37, 0.48, 0.30), "bars": Bars.UPRIGHT},
     "dodge.charger_2020": {
-        "grille": (0.33, 0.46, 0.62),
+        "grille": (0.38, 0.495, 0.48),
         "bars": Bars.MESH,
         "tails": Tails.STRIP,
         "tail_lamp": (0.0, 1.0, 0.52, 0.565),
     },
-    "dodge.charger_police_2020": {"grille": (0.33, 0.46, 0.62), "bars": Bars.MESH},
-    "ford.crown": {"grille": (0.33, 0.455, 0.34), "bars": Bars.UPRIGHT},
+    "dodge.charger_police_2020": {"grille": (0.38, 0.495, 0.48), "bars": Bars.MESH},
+    "ford.crown": {"grille": (0.37, 0.495, 0.34), "bars": Bars.UPRIGHT},
     "ford.mustang": {
-        "grille": (0.31, 0.46, 0.60),
+        "lamps": Lamps.ROUND,
+        "head_lamp": (0.70, 0.94, 0.385, 0.505),
+        "grille": (0.36, 0.50, 0.64),
         "tails": Tails.UPRIGHT,
         "tail_lamp": (0.62, 0.96, 0.48, 0.61),
     },
     "lincoln.mkz_2020": {"tails": Tails.STRIP, "tail_lamp": (0.0, 1.0, 0.53, 0.57)},
-    "mini.cooper_s": {"lamps": Lamps.ROUND, "head_lamp": (0.60, 0.86, 0.385, 0.49)},
-    "mini.cooper_s_2021": {"lamps": Lamps.ROUND, "head_lamp": (0.60, 0.86, 0.385, 0.49)},
-    "nissan.patrol": {"grille": (0.36, 0.505, 0.42), "spare": True},
     "nissan.patrol_2021": {"bars": Bars.VEE},
-    "nissan.micra": {"grille": (0.36, 0.42, 0.36), "bars": Bars.ACROSS},
-    "tesla.model3": {"grille": None, "intake": (0.15, 0.24, 0.66)},
-    "toyota.prius": {"grille": (0.40, 0.445, 0.36), "intake": (0.16, 0.31, 0.62)},
+    "nissan.micra": {"grille": (0.39, 0.455, 0.36), "bars": Bars.ACROSS},
+    "tesla.model3": {"grille": None, "intake": (0.15, 0.25, 0.66)},
+    "toyota.prius": {"grille": (0.43, 0.475, 0.36), "intake": (0.16, 0.32, 0.62)},
 }
 
 
 def shape_of(type_id: str) -> BodyShape:
     """The body's outline of a blueprint that has one."""
-    own = _OWN.get(type_id.removeprefix("vehicle."), {})
-    return replace(SHAPES[build_of(type_id)], **own)
+    name = type_id.removeprefix("vehicle.")
+    outline = _OUTLINES.get(name) or SHAPES[build_of(type_id)]
+    return replace(outline, **_OWN.get(name, {}))
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,10 @@ import numpy as np
 from carstage_sim.content.cabins import Cabin, add_cabin
 from carstage_sim.content.car_body import CarBody
 from carstage_sim.content.car_faces import SPARE_M, add_front, add_rear
+from carstage_sim.content.car_trim import add_trim
 from carstage_sim.content.lofting import ShapeBuilder
 from carstage_sim.content.marks import LIGHT_BAR_M, add_bus_marks, add_police, add_taxi
+from carstage_sim.content.offroad import add_offroader
 from carstage_sim.content.trucks import add_ambulance, add_truck
 from carstage_sim.content.two_wheelers import add_two_wheeler
 from carstage_sim.content.van_sides import add_bus_sides, add_camper_trim, add_van_sides
@@ -92,6 +94,17 @@ def vehicle_mesh(
     return build_mesh(vertices, mesh.triangles, mesh.material, mesh.tag, normals=mesh.normals)
 
 
+def _add_offroad(builder: ShapeBuilder, build: Build, frame: VehicleFrame) -> None:
+    """An off-road car: its wheels stand under wings beside the body."""
+    half = 0.95 * frame.half_width
+    length, width, _ = np.subtract(frame.high, frame.low).tolist()
+    if (size := makers_size(frame.type_id, length, width)) is not None:
+        half, frame = size.width / 2, replace(frame, wheel_radius=size.tyre_radius)
+    tub = add_offroader(builder, frame, half)
+    add_cabin(builder, tub, replace(_CABINS.get(build, Cabin()), occupied=frame.occupied))
+    add_wheels(builder, frame, replace(tub.frame, half_width=half), 5)
+
+
 def _add_car(builder: ShapeBuilder, build: Build, frame: VehicleFrame) -> None:
     """Cars, vans and buses: one body with its wheels."""
     shape = shape_of(frame.type_id)
@@ -108,6 +121,7 @@ def _add_car(builder: ShapeBuilder, build: Build, frame: VehicleFrame) -> None:
     body = frame.body(share, rear, frame.high[0], height)
     car = CarBody(shape, body)
     car.add_to(builder)
+    add_trim(builder, car)
     add_front(builder, car, frame.plate)
     add_rear(builder, car, frame.plate)
     add_cabin(builder, car, replace(_CABINS.get(build, Cabin()), occupied=frame.occupied))
@@ -131,6 +145,7 @@ _SIDES: dict[Build, Callable[[ShapeBuilder, CarBody], None]] = {
     Build.BUS: add_bus_sides,
 }
 _BODIES: dict[Build, Callable[[ShapeBuilder, Build, VehicleFrame], None]] = {
+    Build.OFFROAD: _add_offroad,
     Build.AMBULANCE: add_ambulance,
     Build.LORRY: add_truck,
     Build.FIRE_ENGINE: add_truck,

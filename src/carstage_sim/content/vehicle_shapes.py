@@ -246,7 +246,7 @@ _MINI = replace(
     tails=Tails.UPRIGHT,
 )
 # Outlines of models whose windscreen or tail stands elsewhere than their build's: where the foot
-# and the top of the screen and the lower end of the rear window are on side views of the car.
+# and the top of the screen and the lower end of the rear window are, as far as we know the cars.
 _OUTLINES: dict[str, BodyShape] = {
     "audi.etron": replace(
         _moved(_SUV, (0.18, 0.15), (0.42, 0.48)),

@@ -79,7 +79,7 @@ def rear_edge_of_windows(mesh, share):
      ("nissan.patrol_2021", 0.29), ("audi.etron", 0.26), ("bmw.grandtourer", 0.25)],
 )  # fmt: skip
 def test_a_windscreen_stands_where_its_models_does(name, share):
-    """Shares of the length before the screen's foot, from side views; none is another's."""
+    """Shares of the length before the screen's foot, as we know the cars; none is another's."""
     mesh = mesh_of(name)
     normal = mesh.normals.mean(axis=1)
     screen = (mesh.material == Material.GLASS) & (normal[:, 0] > 0.25)

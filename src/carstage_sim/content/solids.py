@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from carstage_sim.geometry import rotation_matrix
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material, TriangleMesh, build_mesh
 
@@ -128,11 +129,18 @@ def placed(
     location: Sequence[float],
     *,
     yaw_deg: float = 0.0,
+    lean_deg: tuple[float, float] = (0.0, 0.0),
     object_id: int | None = None,
 ) -> TriangleMesh:
-    """A copy turned by ``yaw_deg``, moved to ``location`` (m), with another object id if given."""
+    """A copy turned by ``yaw_deg``, moved to ``location`` (m), with another object id if given.
+
+    ``lean_deg`` is its pitch and roll, as CARLA counts them.
+    """
     c, s = np.cos(np.radians(yaw_deg)), np.sin(np.radians(yaw_deg))
     turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    if lean_deg != (0.0, 0.0):
+        pitch_deg, roll_deg = lean_deg
+        turn = rotation_matrix(np.array([pitch_deg, yaw_deg, roll_deg])).reshape(3, 3).T
     ids = mesh.object_id if object_id is None else np.full_like(mesh.object_id, object_id)
     return TriangleMesh(
         vertices=(mesh.vertices @ turn + np.asarray(location)).astype(np.float32),

@@ -22,6 +22,10 @@ _LENS_RADIUS_M = 0.145
 _LENS_SPACING_M = 0.345
 _SECOND_HEAD_HEIGHT_M = 3.0
 _PLATE_HEIGHT_M = 2.35
+MAST_RADIUS_M = 0.19
+"""Of the foot of a traffic light."""
+_BELOW_KERB_M = 0.2
+"""How far that foot reaches below the ground under it: beside it a kerb may end."""
 
 
 def traffic_light_mesh(head: tuple[float, float, float, float]) -> TriangleMesh:
@@ -42,7 +46,7 @@ def traffic_light_mesh(head: tuple[float, float, float, float]) -> TriangleMesh:
     metal = Material.METAL
     at_arm, at_mast = light_head_middles(head)
     parts = [
-        tube([(0, 0, 0.0), (0, 0, 0.35)], 0.19, metal, _POLE, sides=10),
+        tube([(0, 0, -_BELOW_KERB_M), (0, 0, 0.35)], MAST_RADIUS_M, metal, _POLE, sides=10),
         tube([(0, 0, 0.35), (0, 0, arm_height + 0.25)], [0.11, 0.075], metal, _POLE, sides=10),
         _head(at_arm, yaw_deg),
     ]
@@ -272,6 +276,6 @@ def bus_shelter_mesh() -> TriangleMesh:
             box((-0.6, 0, 1.25), (0.012, 1.75, 0.95), glass, _STATIC),
             box((-0.05, 1.8, 1.25), (0.5, 0.012, 0.95), Material.SIGN_WHITE, _STATIC),
             box((-0.35, 0, 0.45), (0.18, 1.4, 0.03), Material.WOOD, _STATIC),
-            box((-0.35, 0, 0.21), (0.05, 1.2, 0.21), metal, _STATIC),
+            box((-0.35, 0, 0.165), (0.05, 1.2, 0.255), metal, _STATIC),
         ]
     )

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import shapely
+from shapely import affinity
 from shapely.geometry.base import BaseGeometry
 
 from carstage_sim.content.shrubs import bush_mesh, far_tree_mesh, hedge_mesh, tuft_mesh
@@ -37,6 +38,8 @@ _M2_PER_TREE = 7000.0
 _MOST_TREES = 300
 _APART_M = 6.0
 _WOOD_APART_M = 4.5
+_FROM_OTHERS_M = 1.6
+"""Between the middles of a bush and of a tree or a bench."""
 _M2_PER_WOOD = 16_000.0
 _WOODS = (14, 44)
 """Fewest and most groups of trees in the country around a town."""
@@ -75,6 +78,7 @@ def plant(
     autumn: bool = False,
 ) -> None:
     """Put a tree of a species at x, y."""
+    placement.no_bushes.append(place[:2])
     height = float(rng.uniform(*kind.height_m))
     x, y, _ = place
     turn = round(float(rng.uniform(-180.0, 180.0)), 1)
@@ -91,6 +95,8 @@ def _plant_bush(
     leaves = _BUSHES[int(rng.integers(len(_BUSHES)))]
     turn = round(float(rng.uniform(-180.0, 180.0)), 1)
     (own,) = rng.spawn(1)
+    if any(math.dist(place, other) < _FROM_OTHERS_M for other in placement.no_bushes):
+        return
     mesh = bush_mesh(radius, own, leaves)
     placement.put("Bush", CityObjectLabel.VEGETATION, mesh, (*place, turn))
 
@@ -129,18 +135,25 @@ def plant_parks(
 ) -> None:
     """Trees, bushes and benches in the parks, and hedges around them; see :func:`plant_gardens`."""
     for park in ground.parks:
+        benches = list(_benches(park))
+        placement.no_bushes += [(x, y) for x, y, _ in benches]
         paths = shapely.union_all([path.buffer(1.5) for path in ground.park_paths])
         _plant_trees(placement, _scattered(park.buffer(-3.0), paths, _PARK_TREES, rng), turned, rng)
-        for place in _scattered(park.buffer(-3.0), paths, _PARK_BUSHES, rng, apart_m=3.0):
-            _plant_bush(placement, place, rng)
+        for spot in _scattered(park.buffer(-3.0), paths, _PARK_BUSHES, rng, apart_m=3.0):
+            _plant_bush(placement, spot, rng)
         _plant_hedges(placement, park, paths, rng)
-        ring = park.buffer(-7.6).exterior
-        for part in np.linspace(0.05, 0.95, 12):
-            at = ring.interpolate(part, normalized=True)
-            ahead = ring.interpolate(part + 0.005, normalized=True)
-            yaw = math.degrees(math.atan2(ahead.y - at.y, ahead.x - at.x)) + 90.0
-            mesh = bench_mesh()
-            placement.put("Bench", CityObjectLabel.STATIC, mesh, (at.x, at.y, round(yaw, 1)))
+        for place in benches:
+            placement.put("Bench", CityObjectLabel.STATIC, bench_mesh(), place)
+
+
+def _benches(park: shapely.Polygon) -> Iterator[tuple[float, float, float]]:
+    """x, y (m) and yaw (deg) of benches around a park."""
+    ring = park.buffer(-7.6).exterior
+    for part in np.linspace(0.05, 0.95, 12):
+        at = ring.interpolate(part, normalized=True)
+        ahead = ring.interpolate(part + 0.005, normalized=True)
+        yaw = math.degrees(math.atan2(ahead.y - at.y, ahead.x - at.x)) + 90.0
+        yield at.x, at.y, round(yaw, 1)
 
 
 def _plant_hedges(
@@ -152,6 +165,7 @@ def _plant_hedges(
     """Pieces of hedge along a park's rim, open where its paths begin."""
     shapely.prepare(paths)
     rim = np.array(park.buffer(-_HEDGE_INSET_M).exterior.coords)
+    planted: list[shapely.Polygon] = []
     pieces = [hedge_mesh(_HEDGE_M, _HEDGE_HEIGHT_M, _HEDGE_WIDTH_M, own) for own in rng.spawn(4)]
     for (x0, y0), (x1, y1) in itertools.pairwise(rim.tolist()):
         length = math.hypot(x1 - x0, y1 - y0)
@@ -161,7 +175,13 @@ def _plant_hedges(
             part = (k + 0.5) / count
             x, y = round(x0 + part * (x1 - x0), 2), round(y0 + part * (y1 - y0), 2)
             piece = shapely.Point(x, y).buffer(0.5 * _HEDGE_M)
-            if not shapely.intersects(paths, piece):
+            if shapely.intersects(paths, piece):
+                continue
+            wood = shapely.box(-0.3 * _HEDGE_WIDTH_M, -0.49 * _HEDGE_M, 0.3 * _HEDGE_WIDTH_M,
+                               0.49 * _HEDGE_M)  # fmt: skip
+            wood = affinity.translate(affinity.rotate(wood, yaw, origin=(0, 0)), x, y)
+            if not shapely.intersects(wood, planted).any():
+                planted.append(wood)
                 mesh = pieces[int(rng.integers(len(pieces)))]
                 placement.put("Hedge", CityObjectLabel.VEGETATION, mesh, (x, y, yaw))
 
@@ -191,6 +211,8 @@ def plant_woods(
         for dx, dy in rng.normal(scale=0.6 * _WOOD_RADIUS_M, size=(4 * wanted, 2)):
             place = (round(x + float(dx), 2), round(y + float(dy), 2))
             if not wanted or shapely.contains_xy(taken, *place):
+                continue
+            if not shapely.contains_xy(ground.terrain, *place):
                 continue
             if all(math.dist(place, other) > _WOOD_APART_M for other in trees[-40:]):
                 trees.append(place)

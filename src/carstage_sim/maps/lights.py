@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 
+from carstage_sim.content.street_furniture import MAST_RADIUS_M
 from carstage_sim.maps.signals import (
     LIGHT,
     TRIGGER_LENGTH_M,
@@ -26,6 +27,12 @@ _LONGEST_ARM_M = 9.0
 _SAME_PLACE_M = 0.5
 _SAME_APPROACH_DEG = 30.0
 _FIRST_LONE_GROUP = -2
+
+_UNDER_MAST_M = (
+    (0.0, 0.0), (MAST_RADIUS_M, 0.0), (0.0, MAST_RADIUS_M), (-MAST_RADIUS_M, 0.0),
+    (0.0, -MAST_RADIUS_M),
+)  # fmt: skip
+"""Where the ground under a mast is looked at: it may stand on the edge of a kerb."""
 
 HeightAt = Callable[[float, float], float]
 
@@ -109,7 +116,7 @@ def _site(light: Signal, junction_id: int, phase: int, height_at: HeightAt) -> T
         reach_m = min(max(reach_m, -_LONGEST_ARM_M), _LONGEST_ARM_M)
     return TrafficLightSite(
         sign_id=light.signal_id,
-        location=(x, y, height_at(x, y)),
+        location=(x, y, max(height_at(x + dx, y + dy) for dx, dy in _UNDER_MAST_M)),
         rotation_deg=(0.0, yaw_deg, 0.0),
         head=(reach_m, 0.0, HEAD_HEIGHT_M, looks_deg),
         junction_id=junction_id,

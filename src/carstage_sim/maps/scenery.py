@@ -42,6 +42,8 @@ _STEP_M = 8.0
 _FROM_KERB_M = 0.8
 _PIT_HALF_M = 0.6
 _BRIDGE_CLEARANCE_M = 3.0
+_FROM_POSTS_M = 0.4
+"""Room between houses and the middle of masts and signs."""
 _FURNITURE = (
     ("BikeParking", "bikeparking", (0.35, 0.75, 0.4)),
     ("Mailbox", "mailbox", (0.22, 0.28, 0.6)),
@@ -81,7 +83,9 @@ def scenery(
     # The far side of a T is a frontage too: it closes the view down the street that ends there.
     fronts = streets + frontages(lanes, inside_junctions=True)
     free = [bridge.buffer(_BRIDGE_CLEARANCE_M) for bridge in bridges]
-    lots = street_lots(fronts, ground, [*ground.parks, *free], lot_rng)
+    posts = [shapely.Point(signal.location[:2]) for signal in plan.signals]
+    standing = [post.buffer(_FROM_POSTS_M) for post in posts]
+    lots = street_lots(fronts, ground, [*ground.parks, *free, *standing], lot_rng)
     lots += skyline_lots(ground, lots, free, lot_rng)
     placement.buildings = [lot.footprint for lot in lots]
     for lot in lots:

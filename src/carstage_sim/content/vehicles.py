@@ -68,14 +68,15 @@ def vehicle_mesh(
         occupied: whether a car has a driver; riders are part of their machine.
 
     Returns:
-        A mesh of which every vertex lies in the box, wheels on the ground.
+        A mesh whose wheels stand on the ground; else every vertex lies in the box.
     """
     build = build_of(type_id)
     builder = ShapeBuilder(_TAGS.get(build, CityObjectLabel.CAR))
     hx, hy, hz = extent
     cx, cy, cz = box_center
     high = (cx + hx, cy + hy, cz + hz)
-    low = (cx - hx, cy - hy, max(cz - hz, 0.0))
+    # Boxes of some models begin a few centimetres above the ground; their tyres do not.
+    low = (cx - hx, cy - hy, 0.0)
     usual = 0.5 if build in _HEAVY else min(0.36, 0.24 * high[2])
     frame = VehicleFrame(
         low,

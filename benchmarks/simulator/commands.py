@@ -275,6 +275,27 @@ def render(
     return _report("render", measure, json)
 
 
+@benchmark("standing", takes="12 minutes")
+def standing(
+    towns: Towns = None,
+    blueprints: Annotated[
+        list[str] | None, typer.Option("--blueprint", help="Only this vehicle. Repeatable.")
+    ] = None,
+    json: Json = False,
+) -> int:
+    """Whether all that towns have stands on the ground and in nothing else, and all vehicles do."""
+    from benchmarks.simulator.render.standing import check_standing, every_blueprint
+    from benchmarks.simulator.traffic.towns import carla_maps
+
+    with carla_maps(None) as folder:
+        wanted = _towns(towns, True, folder)
+    return _report(
+        "standing",
+        lambda: check_standing(towns=wanted, blueprints=blueprints or every_blueprint()),
+        json,
+    )
+
+
 @benchmark("gallery", takes="4 minutes")
 def gallery(
     folder: Annotated[Path, typer.Argument(help="Gets index.html and its pictures.")],

@@ -69,9 +69,10 @@ class GroundProbe:
             below = caster.cast(self._scene, start, down, low=0.0, high=100.0)
             above = caster.cast(self._scene, start, -down, low=0.0, high=_SUNK_M)
         gap = below.t.astype(np.float64) - _STEP_M
-        # Nothing below but ground above: a foundation.
-        buried = (above.row != NOTHING) & ((below.row == NOTHING) | (gap > _STEP_M))
-        gap[buried] = -above.t[buried]
+        # The ground above is nearer than what is below, if anything is: a foundation.
+        depth = above.t.astype(np.float64) + _STEP_M
+        buried = (above.row != NOTHING) & ((below.row == NOTHING) | (depth < gap))
+        gap[buried] = -depth[buried]
         return gap
 
 

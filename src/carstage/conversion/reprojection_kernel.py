@@ -18,6 +18,8 @@ NOTHING: Final = 255
 FAR_CODE: Final = 2**24 - 1
 FAR_FROM: Final = 0.9999
 """Share of the largest depth from which on nothing was hit."""
+_MOST_TURN: Final = 2.0
+"""Times the slope behind a neighbour that a slope may be: more is an edge between surfaces."""
 
 
 @compiled
@@ -78,8 +80,9 @@ def sample_depths(
 
     One over the depth of a plane is linear in a pinhole's picture. So from the nearest pixel it is
     followed along the smaller of the slopes to its two neighbours, and not at all where they
-    disagree in sign: at an edge that is the object's own slope. ``factor`` ``(H, W)`` makes a
-    source's z-depth the depth of the result.
+    disagree in sign: at an edge that is the object's own slope. Nor where that slope does not go on
+    behind the neighbour: what is one pixel wide has edges on both sides. ``factor`` ``(H, W)``
+    makes a source's z-depth the depth of the result.
     """
     rows, columns = sources.shape[1], sources.shape[2]
     for j in range(out.shape[0]):
@@ -92,16 +95,9 @@ def sample_depths(
             here = depth_code(sources, which, y, x)
             code = FAR_CODE
             if here < FAR_FROM * FAR_CODE:
-                middle = 1.0 / max(here, 1.0)
-                inverse = middle
-                if 0 < x < columns - 1:
-                    before = middle - 1.0 / max(depth_code(sources, which, y, x - 1), 1.0)
-                    after = 1.0 / max(depth_code(sources, which, y, x + 1), 1.0) - middle
-                    inverse += _smaller(before, after) * (place[j, i, 0] - x - 0.5)
-                if 0 < y < rows - 1:
-                    before = middle - 1.0 / max(depth_code(sources, which, y - 1, x), 1.0)
-                    after = 1.0 / max(depth_code(sources, which, y + 1, x), 1.0) - middle
-                    inverse += _smaller(before, after) * (place[j, i, 1] - y - 0.5)
+                inverse = 1.0 / max(here, 1.0)
+                inverse += _slope(sources, which, y, x, 0, 1) * (place[j, i, 0] - x - 0.5)
+                inverse += _slope(sources, which, y, x, 1, 0) * (place[j, i, 1] - y - 0.5)
                 code = int(min(factor[j, i] / inverse + 0.5, float(FAR_CODE)))
             out[j, i, 0] = code >> 16
             out[j, i, 1] = (code >> 8) & 255
@@ -118,8 +114,30 @@ def depth_code(sources: NDArray[np.uint8], which: int, row: int, column: int) ->
 
 
 @compiled
-def _smaller(a: float, b: float) -> float:
-    """The slope nearer to zero, 0 where the two differ in sign (the minmod limiter)."""
-    if a * b <= 0.0:
+def _inverse(sources: NDArray[np.uint8], which: int, row: int, column: int) -> float:
+    """One over a pixel's depth code."""
+    code = float(depth_code(sources, which, row, column))
+    return 1.0 / max(code, 1.0)
+
+
+@compiled
+def _slope(
+    sources: NDArray[np.uint8], which: int, row: int, column: int, down: int, right: int
+) -> float:
+    """By how much one over the depth grows to the next pixel on a pixel's own surface."""
+    last_row, last_column = sources.shape[1] - 1, sources.shape[2] - 1
+    if not (down <= row <= last_row - down and right <= column <= last_column - right):
         return 0.0
-    return a if abs(a) < abs(b) else b
+    middle = _inverse(sources, which, row, column)
+    before = middle - _inverse(sources, which, row - down, column - right)
+    after = _inverse(sources, which, row + down, column + right) - middle
+    if before * after <= 0.0:
+        return 0.0
+    step = -1 if abs(before) < abs(after) else 1
+    slope: float = before if step < 0 else after
+    y, x = row + 2 * step * down, column + 2 * step * right
+    if 0 <= y <= last_row and 0 <= x <= last_column:
+        beside = _inverse(sources, which, row + step * down, column + step * right)
+        if abs(slope) > _MOST_TURN * abs(_inverse(sources, which, y, x) - beside):
+            return 0.0
+    return slope

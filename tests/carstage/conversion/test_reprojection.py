@@ -17,6 +17,7 @@ from carstage.codecs import codec_for
 from carstage.codecs.codec import image_bgra
 from carstage.config import Config
 from carstage.conversion.reprojection import record_picture
+from carstage.conversion.reprojection_kernel import sample_depths
 from carstage.geometry import Lens, intrinsics, lens_mask, pixel_rays
 from carstage.geometry.lens_sources import FACE_AXES
 from carstage.plan.rig import plan_sensors
@@ -196,6 +197,27 @@ def test_depths_of_planes_are_exact_and_edges_are_never_mixed(name: str) -> None
     assert at_edge.sum() < 0.03 * shown.sum()
     assert np.quantile(nearest[at_edge], 0.9) < 0.06
     assert found[~shown].min(initial=1000.0) > 999.0
+
+
+@pytest.mark.parametrize("wide", [1, 2, 5])
+@pytest.mark.parametrize("down", [False, True])
+def test_what_is_a_few_pixels_wide_has_its_own_depth(wide: int, down: bool) -> None:
+    """Between something near and something far, as a car seen between a rider and a bus."""
+    depth_m = np.full((9, 12), 40.0)
+    depth_m[:, :4] = 4.0
+    depth_m[:, 4 : 4 + wide] = 17.0
+    code = np.rint(depth_m / DEPTH_STEP_M).astype("<u4")
+    source = code.view(np.uint8).reshape(9, 12, 4)[..., [2, 1, 0, 3]]
+    at = np.stack(np.meshgrid(np.arange(12) + 0.9, np.arange(9) + 0.9), axis=2)
+    if down:
+        source = source.transpose(1, 0, 2)
+        at = np.stack(np.meshgrid(np.arange(9) + 0.9, np.arange(12) + 0.9), axis=2)
+    size = at.shape[:2]
+    out = np.zeros((*size, 4), np.uint8)
+    sources = np.ascontiguousarray(source)[None]
+    sample_depths(sources, np.zeros(size, np.uint8), at, np.ones(size), out)
+    found = decode_depth_bgra(out)
+    np.testing.assert_allclose(found.T if down else found, depth_m, atol=0.01)
 
 
 @pytest.mark.parametrize("name", LENSES)

@@ -301,23 +301,24 @@ class Crew:
 
     def __init__(self, threads: int, name: str) -> None:
         self.threads = threads
-        alone = threads < 2 or _FUTEX_CALL < 0
-        self.board = np.zeros(0 if alone else _HEADER + _JOBS * _ROW, np.int64)
+        served = threads > 1 and _FUTEX_CALL >= 0
+        self.board = np.zeros(_HEADER + _JOBS * _ROW if served else 0, np.int64)
         """What its threads look at; to be given to :func:`together`."""
         self._rank = threading.local()
         self._lock = threading.Lock()
         self._numbers = 0
         self._free = list(range(_JOBS))
-        self._room = threading.Semaphore(_JOBS)
+        # Callers that do their jobs themselves share the memory of one thread: one after the other.
+        self._room = threading.Semaphore(_JOBS if served else 1)
         self.members = [
             threading.Thread(
                 target=_serve, args=(self.board, number), name=f"{name}_{number}", daemon=True
             )
-            for number in range(0 if alone else threads)
+            for number in range(threads if served else 0)
         ]
-        # Compiled here: threads that compile at once would wait for each other.
-        over = np.ones(_HEADER, np.int64)
-        _serve(over, 0)
+        if self.members:
+            # Compiled here: threads that compile at once would wait for each other.
+            _serve(np.ones(_HEADER, np.int64), 0)
         for member in self.members:
             member.start()
 

@@ -69,6 +69,26 @@ def test_items_of_a_part_are_done_by_one_thread(crew: Crew) -> None:
     assert (done_by.reshape(100, 10) == done_by[::10, None]).all()
 
 
+def test_without_threads_callers_do_their_jobs_one_after_the_other() -> None:
+    """They share the memory of one thread."""
+    crew, inside, most = Crew(1, "test"), [], []
+
+    def ask() -> None:
+        for _ in range(50):
+            with crew.job(0, 1, 1):
+                inside.append(1)
+                most.append(len(inside))
+                inside.pop()
+
+    callers = [threading.Thread(target=ask) for _ in range(8)]
+    for caller in callers:
+        caller.start()
+    for caller in callers:
+        caller.join()
+    assert set(most) == {1}
+    assert len(most) == 400
+
+
 def test_many_jobs_of_several_callers_are_all_done(crew: Crew) -> None:
     """More callers than rows of the board, and rows that are used again at once."""
     wrong: list[int] = []

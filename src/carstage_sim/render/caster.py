@@ -102,7 +102,7 @@ class RayCaster:
         self._between: Callable[[], None] | None = None
         self._team = Team(self.threads, "bands")
         self.crew = Crew(self.threads, "rays")
-        """Does what :meth:`in_packets` hands it."""
+        """Does what :meth:`in_parts` and :meth:`in_packets` hand it."""
         self._scratch = for_workers(self.crew, new_scratch())
         self._packet_scratch = for_workers(self.crew, new_packet_scratch())
 

@@ -7,6 +7,7 @@ from itertools import groupby
 import numpy as np
 import pytest
 
+from axis_rays import first_triangle
 from carstage_sim.content.vehicles import vehicle_mesh
 from carstage_sim.mesh import Material
 from carstage_sim.world.blueprints import catalogue
@@ -30,19 +31,7 @@ def mesh_of(name):
 def number_met(mesh, eye, axis, direction):
     """Number of the triangle that a ray along an axis meets first; None for nothing."""
     corners = mesh.vertices[mesh.triangles].astype(np.float64)
-    others = [k for k in range(3) if k != axis]
-    a, b, c = (corners[:, k][:, others] - np.array(eye)[others] for k in range(3))
-
-    def cross(u, v):
-        return u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
-
-    w = np.stack([cross(b, c), cross(c, a), cross(a, b)], axis=1)
-    total = w.sum(axis=1)
-    inside = (np.all(w >= -1e-12, axis=1) | np.all(w <= 1e-12, axis=1)) & (np.abs(total) > 1e-9)
-    share = w / np.where(np.abs(total) > 1e-9, total, 1.0)[:, None]
-    away = ((share * corners[:, :, axis]).sum(axis=1) - eye[axis]) * direction
-    away = np.where(inside & (away > 0), away, np.inf)
-    return int(away.argmin()) if np.isfinite(away.min()) else None
+    return first_triangle(corners, eye, direction, axis)
 
 
 def first_met(mesh, eye, axis, direction):

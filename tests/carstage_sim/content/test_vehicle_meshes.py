@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from axis_rays import first_triangle
 from carstage_sim.content.lettering import add_text, plate_number, text_width
 from carstage_sim.content.lofting import ShapeBuilder
 from carstage_sim.content.vehicle_shapes import shape_of
@@ -113,7 +114,7 @@ def test_lamps_are_seen_from_their_end(blueprint):
     )
     for material, end in ((Material.HEAD_LAMP, 1.0), (Material.TAIL_LAMP, -1.0)):
         lit = np.flatnonzero((mesh.material == material) & (area > 1e-5))
-        free = [first_met(corners, middle[k] + [end * 9.0, 0, 0], -end) for k in lit[::9]]
+        free = [first_triangle(corners, middle[k] + [end * 9.0, 0, 0], -end) for k in lit[::9]]
         assert {mesh.material[k] for k in free} <= SHINES
 
 
@@ -156,7 +157,7 @@ def test_the_tailgate_of_a_hatch_or_suv_has_a_dark_window_half_way_up(name):
     for share, material in ((0.55, Material.PAINT), (0.74, Material.GLASS_DARK),
                             (0.86, Material.GLASS_DARK)):  # fmt: skip
         behind = np.array([low[0] - 5.0, 0.21, share * high[2]])
-        assert mesh.material[first_met(corners, behind, 1.0)] == material, share
+        assert mesh.material[first_triangle(corners, behind, 1.0)] == material, share
     # One sees through the front doors' windows: no dark glass ahead of the middle pillar.
     clear = corners[mesh.material == Material.GLASS].mean(axis=1)
     sides = np.abs(clear[:, 1]) > 0.3 * high[1]
@@ -168,7 +169,7 @@ def from_behind(name, y, share):
     mesh = mesh_of(catalogue()[name])
     corners = mesh.vertices[mesh.triangles].astype(np.float64)
     eye = np.array([mesh.bounds[0, 0] - 5.0, y, share * mesh.bounds[1, 2]])
-    return mesh.material[first_met(corners, eye, 1.0)]
+    return mesh.material[first_triangle(corners, eye, 1.0)]
 
 
 @pytest.mark.parametrize("name", ["vehicle.nissan.patrol", "vehicle.jeep.wrangler_rubicon"])
@@ -225,7 +226,7 @@ def test_an_suv_is_wide_and_stands_on_bare_plastic(name):
     side = corners[:, :, [1, 0, 2]]
     for height, material in ((0.19, Material.PLASTIC_DARK), (0.40, Material.PAINT)):
         beside = np.array([-9.0, 0.23, height * mesh.bounds[1, 2]])
-        assert mesh.material[first_met(side, beside, 1.0)] == material
+        assert mesh.material[first_triangle(side, beside, 1.0)] == material
 
 
 def area_on_sides(mesh, material):
@@ -296,21 +297,6 @@ def test_only_cars_that_somebody_drives_have_a_driver():
     assert (driven.material == Material.SKIN).any()
     assert not (parked.material == Material.SKIN).any()
     assert (parked.material == Material.SEAT).any()
-
-
-def first_met(corners, origin, direction):
-    """Number of the triangle that a ray along x meets first."""
-    a, b, c = (corners[:, k, 1:] - origin[1:] for k in range(3))
-
-    def cross(u, v):
-        return u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
-
-    w = np.stack([cross(b, c), cross(c, a), cross(a, b)], axis=1)
-    total = w.sum(axis=1)
-    inside = (np.all(w >= -1e-12, axis=1) | np.all(w <= 1e-12, axis=1)) & (np.abs(total) > 1e-9)
-    share = w / np.where(np.abs(total) > 1e-9, total, 1.0)[:, None]
-    away = ((share * corners[:, :, 0]).sum(axis=1) - origin[0]) * direction
-    return int(np.where(inside & (away > 0), away, np.inf).argmin())
 
 
 @pytest.mark.parametrize(
@@ -386,6 +372,9 @@ def test_tyres_show_below_the_rear_bumper(name):
     corners = mesh.vertices[mesh.triangles].astype(np.float64)
     rear, half = float(mesh.bounds[0, 0]), float(mesh.bounds[1, 1])
     eye = np.array([rear - 8.0, 0.78 * half, 0.19])
-    assert mesh.material[first_met(corners, eye, 1.0)] in (Material.RUBBER, Material.PLASTIC_DARK)
+    assert mesh.material[first_triangle(corners, eye, 1.0)] in (
+        Material.RUBBER,
+        Material.PLASTIC_DARK,
+    )
     at_end = corners[(corners[..., 0] < rear + 0.05).all(axis=1)]
     assert at_end[..., 2].min() > 0.25

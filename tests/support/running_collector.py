@@ -56,7 +56,7 @@ class Collector:
     def _run(self, plan: dict[str, Any]) -> tuple[int, list[dict[str, Any]]]:
         process = self.start(plan)
         output, errors = process.communicate(timeout=END_S)
-        sys.stdout.write(output.decode() + errors.decode())  # shown with a test that fails
+        sys.stdout.write(errors.decode() + output.decode())  # shown with a test that fails
         return process.returncode, [json.loads(line) for line in output.splitlines()]
 
     def await_event(self, process: subprocess.Popen[bytes], name: str) -> dict[str, Any]:

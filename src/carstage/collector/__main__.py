@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import atexit
 import gc
 import logging
 import os
@@ -18,6 +17,7 @@ from carstage.collector.internals.errors import (
     writing_failed,
 )
 from carstage.collector.internals.events import EventStream
+from carstage.collector.internals.leaving import leave
 from carstage.collector.internals.plan import Plan, read_plan
 from carstage.collector.internals.stopping import StopRequest
 
@@ -34,10 +34,8 @@ def main(arguments: Optional[List[str]] = None) -> int:
 
     0 all recorded; 1 one failed; 2 bad plan; 130 ended by a signal after finishing the frame.
     """
-    # What is loaded stays, and what is there at the end ends with the process: Python need not look
-    # through either for garbage, which takes an eighth of the start.
+    # What is loaded stays: Python need not look through it for garbage.
     gc.disable()
-    atexit.register(gc.freeze)
     options = parse_options(arguments)
     logging.basicConfig(
         stream=sys.stderr, level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s"
@@ -183,4 +181,4 @@ def _report(error: Union[CollectorError, RuntimeError, OSError], events: EventSt
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

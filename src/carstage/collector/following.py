@@ -38,6 +38,7 @@ from carstage.collector.internals.errors import (
 )
 from carstage.collector.internals.events import EventStream
 from carstage.collector.internals.followed_episode import FollowedEpisode
+from carstage.collector.internals.leaving import leave
 from carstage.collector.internals.plan import ServerPlan
 from carstage.collector.internals.stopping import StopRequest
 from carstage.sensor_kinds import import_plugins, registered_kinds
@@ -390,4 +391,4 @@ def _follow(plan: FollowPlan, events: EventStream, stop: StopRequest) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

@@ -30,6 +30,7 @@ from carstage.collector.internals.errors import (
     client_hint,
 )
 from carstage.collector.internals.events import EventStream
+from carstage.collector.internals.leaving import leave
 from carstage.collector.internals.plan import EpisodePlan, Plan, read_plan
 from carstage.collector.internals.stopping import StopRequest
 from carstage.collector.paths import prepare_folder
@@ -257,4 +258,4 @@ class _Passing:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import pytest
+from pydantic import ValidationError
 from pydantic_core import PydanticCustomError
 
+from carstage.config import Config
 from carstage.config.attributes import attributes_model, check_server_has
+from carstage.plan.rig import plan_sensors
 from carstage.sensor_kinds import Attribute, AttributeSet
 
 ROWS = (
@@ -35,3 +38,14 @@ def test_what_carla_has_or_is_not_given_goes_to_every_server() -> None:
 
 def test_the_embedded_simulator_gets_all() -> None:
     check_server_has("embedded", ROWS, MODEL.model_validate({"grain": True}))
+
+
+@pytest.mark.parametrize("name", ["sensor_noise"])
+def test_effects_of_the_embedded_simulator_need_it(name: str) -> None:
+    camera = {"id": "CAM", "kind": "rgb", "attributes": {name: True}}
+    rig = {"preset": None, "sensors": [camera]}
+    asked = Config.model_validate({"rig": rig})
+    (spec,) = (one for one in plan_sensors(asked) if one.id == "CAM")
+    assert spec.attributes[name] == "true"
+    with pytest.raises(ValidationError, match=f"a carla server has no {name}"):
+        Config.model_validate({"rig": rig, "server": {"kind": "carla", "path": "/carla"}})

@@ -55,6 +55,7 @@ REASONS = {
     "carstage_sim/render/edges.py _even_part": _KERNEL,
     "carstage_sim/render/edges.py _mark": _KERNEL,
     "carstage_sim/render/edges.py _mark_part": _KERNEL,
+    "carstage_sim/render/glare.py _glare_part": _KERNEL,
     "carstage_sim/render/lending.py _lend_part": _KERNEL,
     "carstage_sim/render/lending.py _mix": _KERNEL,
     "carstage_sim/render/lending.py _mix_part": _KERNEL,

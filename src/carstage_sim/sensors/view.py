@@ -167,6 +167,11 @@ class View:
         self._caster.in_parts(shared, data, count)
 
     @property
+    def caster(self) -> RayCaster:
+        """What runs kernels of this tick."""
+        return self._caster
+
+    @property
     def frame(self) -> Frame:
         """The scene of this tick."""
         return self._frame()

@@ -18,6 +18,7 @@ from carstage_sim.render.caster import (
 )
 from carstage_sim.render.crew import for_workers
 from carstage_sim.render.edges import rough_pixels
+from carstage_sim.render.exposure_blur import blurred
 from carstage_sim.render.film import Film, develop, develop_means, film_codes
 from carstage_sim.render.glare import with_glare
 from carstage_sim.render.lending import aim_again, extra_rays, lent, mixed
@@ -119,6 +120,8 @@ class PictureMaker:
         flat = pixels.reshape(-1, 4)
         noise = noise_table(film.iso, film.gamma), np.uint32(0), flat, flat.copy()
         self._caster.in_parts(draw_noise, noise, len(flat))
+        moved = np.full((1, 2, 2), 0.1, np.float32)
+        blurred(self._caster, film, pixels, hits.t, moved)
         with_glare(self._caster, film, np.full((8, 8, 4), 255, np.uint8), 1.0, 1.0)
         line = np.array([[[2.0, 0.0, 0.0], [2.0, 1.0, 0.0]]])
         draw_shapes(

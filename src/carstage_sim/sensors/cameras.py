@@ -173,8 +173,9 @@ class RgbCamera(CameraSensor):
 
     def measure(self, state: WorldState, request: SensorRequest, view: View) -> ImageFrame:
         """The picture, alpha 255, with the effects that were asked for."""
-        pixels = view.pixels(self.camera(request), self.film)
-        return self.image(self.effects.on(pixels, self.film, state.frame, view))
+        camera = self.camera(request)
+        pixels = view.pixels(camera, self.film)
+        return self.image(self.effects.on(pixels, self.film, camera, (state, request, view)))
 
     def announce(self, request: SensorRequest, view: View) -> None:
         """Its colours will be asked for."""

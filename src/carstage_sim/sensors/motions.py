@@ -12,6 +12,7 @@ from carstage_sim.geometry import rotation_matrix
 from carstage_sim.render.motion import RIGID, Motions, earlier_places
 from carstage_sim.render.scene import Frame
 from carstage_sim.sensors.lens import PINHOLE, pixel_places
+from carstage_sim.sensors.measurements import SensorRequest
 from carstage_sim.sensors.view import Camera, View
 from carstage_sim.world.state import ActorKind, WorldState
 
@@ -155,3 +156,55 @@ def seen_actors(state: WorldState, frame: Frame) -> dict[int, Seen]:
         )
         for index, row in enumerate(rows.tolist())
     }
+
+
+def motions_in(seconds: float, state: WorldState, request: SensorRequest, frame: Frame) -> Motions:
+    """Motions of camera and actors in a time that is short, by their velocities of a tick.
+
+    Everything moves as a whole: legs of walkers do not swing in that time.
+
+    Args:
+        seconds: the time.
+        state: the tick.
+        request: the camera, which moves as the actor does that carries it.
+        frame: what is seen.
+    """
+    now, rows = seen_actors(state, frame), np.searchsorted(state.actor_id, frame.actor_id)
+    before = {
+        int(state.actor_id[row]): _earlier(
+            seconds, state, row, *_pose(now[int(state.actor_id[row])])
+        )
+        for row in rows.tolist()
+    }
+    camera = Seen(
+        rotation_matrix(request.rotation_deg), np.array(request.location, np.float64), None
+    )
+    carrier = int(np.searchsorted(state.actor_id, request.owner_id))
+    carried = carrier < len(state.actor_id) and state.actor_id[carrier] == request.owner_id
+    back = _earlier(seconds, state, carrier, *_pose(camera)) if carried else camera
+    return motions_between(camera, back, now, before, frame)
+
+
+def _pose(seen: Seen) -> tuple[FloatArray, FloatArray]:
+    return seen.rotation, seen.location
+
+
+def _earlier(
+    seconds: float, state: WorldState, row: int, rotation: FloatArray, location: FloatArray
+) -> Seen:
+    """Where a body was that moves as a row of the state does."""
+    turn = _turn(np.radians(state.angular_velocity_deg[row]) * -seconds)
+    centre = state.location[row]
+    place = turn @ (location - centre) + centre - state.velocity[row] * seconds
+    return Seen(turn @ rotation, place, None)
+
+
+def _turn(vector: FloatArray) -> FloatArray:
+    """``(3, 3)`` rotation about a vector by its length in radians (Rodrigues)."""
+    angle = math.sqrt(float(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2))
+    x, y, z = (vector / max(angle, 1e-12)).tolist()
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    turned: FloatArray = (
+        np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * (cross @ cross)
+    )
+    return turned

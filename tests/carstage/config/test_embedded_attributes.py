@@ -40,7 +40,7 @@ def test_the_embedded_simulator_gets_all() -> None:
     check_server_has("embedded", ROWS, MODEL.model_validate({"grain": True}))
 
 
-@pytest.mark.parametrize("name", ["sensor_noise"])
+@pytest.mark.parametrize("name", ["sensor_noise", "shutter_blur"])
 def test_effects_of_the_embedded_simulator_need_it(name: str) -> None:
     camera = {"id": "CAM", "kind": "rgb", "attributes": {name: True}}
     rig = {"preset": None, "sensors": [camera]}

@@ -76,6 +76,7 @@ _POST_PROCESS: tuple[_Row, ...] = (
 )
 
 _FILM: tuple[_Row, ...] = (
+    ("shutter_blur", _B, "false"),
     ("sensor_noise", _B, "false"),
     ("noise_seed", _I, "0"),
 )

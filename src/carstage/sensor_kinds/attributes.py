@@ -82,6 +82,12 @@ _COLOUR: _Rows = (
         "Strength of colour fringes.", "chromatic_aberration_intensity"),
     Attribute("chromatic_aberration_offset", "float", None, "Chromatic aberration offset",
         "Where fringes start.", "chromatic_aberration_offset"),
+    Attribute("shutter_blur", "bool", None, "Shutter blur",
+        "What moves is blurred over the exposure time, 1 / shutter_speed_hz; the embedded "
+        "simulator alone has it.", "shutter_blur", embedded_only=True),
+    Attribute("sensor_noise", "bool", None, "Sensor noise",
+        "Shot and read noise by the sensitivity of the exposure; the embedded simulator alone has "
+        "it.", "sensor_noise", embedded_only=True),
 )
 
 _SWEEP: _Rows = (

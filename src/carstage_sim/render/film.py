@@ -30,6 +30,8 @@ _ACROSS: Any = np.float32(0.02)
 """Weights of a pixel, of those beside it and of those across, in the mean of nine."""
 
 
+BRIGHTEST = 7.0
+"""Exposed light that stands for all that fills the film, in units of white."""
 EVEN = 2
 """Mark of a pixel that becomes the mean of the nine around it."""
 
@@ -79,6 +81,15 @@ class Film:
         exposure *= 2.0**self.compensation_ev
         return light._replace(exposure=np.float32(exposure))
 
+    def sensitivity(self, light: Lighting) -> float:
+        """ISO value that the exposure takes: 100 for a clear noon.
+
+        Light that is a stop weaker takes twice as much, as the shutter stays.
+        """
+        if self.manual:
+            return self.iso
+        return 100.0 * float(self.exposed(light).exposure) / CLEAR_NOON_EXPOSURE
+
     def encode(self, colours: NDArray[np.float32]) -> NDArray[np.uint8]:
         """8-bit codes of linear display light, 0-1."""
         places = (colours * _STEPS + np.float32(0.5)).astype(np.int32)
@@ -98,6 +109,35 @@ def film_codes(gamma: float) -> NDArray[np.uint8]:
         curve = curve ** (_USUAL_GAMMA / gamma)
     codes: NDArray[np.uint8] = np.rint(curve * 255.0).astype(np.uint8)
     return codes
+
+
+@lru_cache(maxsize=8)
+def display_of_codes(gamma: float) -> NDArray[np.float32]:
+    """``(256,)`` float32 linear display light, 0-1, that :func:`film_codes` gives each code.
+
+    It is the middle of what has that code, so that the code comes back.
+    """
+    codes = film_codes(gamma)
+    first = np.searchsorted(codes, np.arange(256), "left")
+    last = np.searchsorted(codes, np.arange(256), "right") - 1
+    # A steep curve skips codes: the next one stands for them.
+    middle = np.where(last >= first, (first + last) // 2, np.minimum(first, 8191))
+    return (middle / 8191.0).astype(np.float32)
+
+
+@lru_cache(maxsize=8)
+def light_of_codes(gamma: float) -> NDArray[np.float32]:
+    """``(256,)`` float32 exposed light that the film shows as each code; 1 is white.
+
+    The film saturates: display light is ``1 - exp(-light)``. Codes tell up to 5.4 apart; what is
+    brighter counts as :data:`BRIGHTEST`.
+    """
+    display = display_of_codes(gamma).tolist()
+    light = [-math.log(1.0 - one) if one < 1.0 else BRIGHTEST for one in display]
+    light = [min(one, BRIGHTEST) for one in light]
+    light[255] = BRIGHTEST
+    # To six digits: a logarithm's last bit differs between machines.
+    return np.array([round(one, 6) + 0.0 for one in light], np.float32)
 
 
 @device

@@ -18,7 +18,9 @@ from carstage_sim.render.caster import (
 )
 from carstage_sim.render.crew import for_workers
 from carstage_sim.render.edges import rough_pixels
+from carstage_sim.render.exposure_blur import blurred
 from carstage_sim.render.film import Film, develop, develop_means, film_codes
+from carstage_sim.render.glare import with_glare
 from carstage_sim.render.lending import aim_again, extra_rays, lent, mixed
 from carstage_sim.render.materials import material_table
 from carstage_sim.render.motion import earlier_places, no_motion
@@ -27,6 +29,7 @@ from carstage_sim.render.overlay import draw_shapes
 from carstage_sim.render.packet_shading import new_shade_scratch
 from carstage_sim.render.quality import SAMPLING, Quality
 from carstage_sim.render.scene import Frame, SceneStore
+from carstage_sim.render.sensor_noise import draw_noise, noise_table
 from carstage_sim.render.shading import RayHits, ShadedFrame
 from carstage_sim.render.shared_kernels import share_shade_packets
 from carstage_sim.render.sky import Lighting, SkyModel
@@ -114,6 +117,12 @@ class PictureMaker:
         nothing = np.zeros((2, 3), np.float32)
         self._develop(film, nothing, pixels)
         self._develop_means(film, nothing, nothing, np.arange(2, dtype=np.int32), pixels)
+        flat = pixels.reshape(-1, 4)
+        noise = noise_table(film.iso, film.gamma), np.uint32(0), flat, flat.copy()
+        self._caster.in_parts(draw_noise, noise, len(flat))
+        moved = np.full((1, 2, 2), 0.1, np.float32)
+        blurred(self._caster, film, pixels, hits.t, moved)
+        with_glare(self._caster, film, np.full((8, 8, 4), 255, np.uint8), 1.0, 1.0)
         line = np.array([[[2.0, 0.0, 0.0], [2.0, 1.0, 0.0]]])
         draw_shapes(
             line, np.ones(1, np.float32), np.zeros(1, np.bool_), np.zeros((1, 3), np.uint8),

@@ -22,6 +22,7 @@ from carstage_sim.render.pixel_kernels import (
     normal_words,
 )
 from carstage_sim.sensors.attributes import number, require, whole, within
+from carstage_sim.sensors.film_effects import FilmEffects
 from carstage_sim.sensors.lens import Lens
 from carstage_sim.sensors.measurements import ImageFrame, SensorRequest
 from carstage_sim.sensors.sensor import MeasuringSensor, SensorRegistry
@@ -168,10 +169,13 @@ class RgbCamera(CameraSensor):
     def __init__(self, request: SensorRequest, town: Town) -> None:
         super().__init__(request, town)
         self.film = film_of(request.attributes)
+        self.effects = FilmEffects.of(request)
 
     def measure(self, state: WorldState, request: SensorRequest, view: View) -> ImageFrame:
-        """The picture, alpha 255."""
-        return self.image(view.pixels(self.camera(request), self.film))
+        """The picture, alpha 255, with the effects that were asked for."""
+        camera = self.camera(request)
+        pixels = view.pixels(camera, self.film)
+        return self.image(self.effects.on(pixels, self.film, camera, (state, request, view)))
 
     def announce(self, request: SensorRequest, view: View) -> None:
         """Its colours will be asked for."""

@@ -31,6 +31,7 @@ from carstage_sim.render.pixel_kernels import (
     ray_directions,
 )
 from carstage_sim.render.scene import Frame
+from carstage_sim.render.sky import Lighting
 from carstage_sim.sensors.lens import PINHOLE, Lens, pixel_places
 from carstage_sim.sensors.side_by_side import Once
 from carstage_sim.world.debug_shapes import DebugShapes
@@ -166,9 +167,19 @@ class View:
         self._caster.in_parts(shared, data, count)
 
     @property
+    def caster(self) -> RayCaster:
+        """What runs kernels of this tick."""
+        return self._caster
+
+    @property
     def frame(self) -> Frame:
         """The scene of this tick."""
         return self._frame()
+
+    @property
+    def lighting(self) -> Lighting:
+        """Sun, sky and weather of this tick, before a film exposes for them."""
+        return self._pictures.sky.lighting(self._weather, self._time_s)
 
     def _count_cast(self, casts: int = 1) -> None:
         with self._lock:
@@ -318,7 +329,7 @@ class View:
             self._made[camera, film, product] = picture
 
     def _take_expected(self, cameras: GpuCameras, motions: Motions | None) -> None:
-        light = self._pictures.sky.lighting(self._weather, self._time_s)
+        light = self.lighting
         self._count_cast(len(self._expected))
         for key, products in self._expected.items():
             self._pending[key] = cameras.take(
@@ -372,8 +383,7 @@ class View:
             shapes=self._shapes,
             film=film,
         )
-        light = self._pictures.sky.lighting(self._weather, self._time_s)
-        return self._pictures.pixels(self.frame, picture, light)
+        return self._pictures.pixels(self.frame, picture, self.lighting)
 
     def tags(self, hits: Hits) -> NDArray[np.uint8]:
         """``(N,)`` uint8 semantic tag of each ray; the sky's for rays that met nothing."""

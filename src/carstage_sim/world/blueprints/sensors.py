@@ -75,6 +75,13 @@ _POST_PROCESS: tuple[_Row, ...] = (
     ("chromatic_aberration_offset", _F, "0.0"),
 )
 
+_FILM: tuple[_Row, ...] = (
+    ("shutter_blur", _B, "false"),
+    ("sensor_noise", _B, "false"),
+    ("noise_seed", _I, "0"),
+)
+"""What CARLA's cameras do not have."""
+
 _DVS: tuple[_Row, ...] = (
     ("positive_threshold", _F, "0.3"),
     ("negative_threshold", _F, "0.3"),
@@ -200,7 +207,7 @@ _OCCUPANCY: tuple[_Row, ...] = (
 )
 
 _SENSORS: dict[str, tuple[_Row, ...]] = {
-    "sensor.camera.rgb": _CAMERA + _POST_PROCESS,
+    "sensor.camera.rgb": _CAMERA + _POST_PROCESS + _FILM,
     "sensor.camera.depth": _CAMERA,
     "sensor.camera.semantic_segmentation": _CAMERA,
     "sensor.camera.instance_segmentation": _CAMERA,

@@ -6,6 +6,7 @@ stands here: the two numbers of a picture's size, and what of a LiDAR follows fr
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import fields
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
@@ -233,6 +234,33 @@ class RayFlashAttributes(FlashAttributes):
                 for what in ("fov", "divergence")
             },
         }
+
+
+def check_server_has(
+    server_kind: str, rows: Iterable[Attribute], attributes: SensorAttributes, *path: str | int
+) -> None:
+    """Refuse attributes that a CARLA server does not have.
+
+    Args:
+        server_kind: ``server.kind``.
+        rows: of the sensor's kind.
+        attributes: what was given.
+        path: of the sensor.
+
+    Raises:
+        PydanticCustomError: with the attribute's path.
+    """
+    if server_kind not in ("carla", "remote"):
+        return
+    for row in rows:
+        if row.embedded_only and getattr(attributes, row.name) is not None:
+            raise problem(
+                f"a {server_kind} server has no {row.name}.",
+                "Leave it out, or use `server: {kind: embedded}`.",
+                *path,
+                "attributes",
+                row.name,
+            )
 
 
 _SHAPES: dict[str, type[SensorAttributes]] = {

@@ -8,7 +8,12 @@ from typing import Any, Literal
 from pydantic import model_validator
 
 from carstage.config.agents import Agents, AnyAgent, VehicleAgent, check_agents
-from carstage.config.attributes import ImageSize, SensorAttributes, SweepAttributes
+from carstage.config.attributes import (
+    ImageSize,
+    SensorAttributes,
+    SweepAttributes,
+    check_server_has,
+)
 from carstage.config.campaign import Campaign, Condition
 from carstage.config.conversion import Conversion
 from carstage.config.drivers import Driver, check_driver
@@ -381,6 +386,7 @@ class Config(Section):
 
     def _check_sensor(self, path: tuple[str | int, ...], sensor: Sensor) -> None:
         attributes = sensor.attributes
+        check_server_has(self.server.kind, sensor.row.attributes.rows, attributes, *path)
         if isinstance(self.server, EmbeddedServerConfig):
             reason = refusal(self.server.carla_version, {sensor.kind: sensor.row.since})
             if reason:

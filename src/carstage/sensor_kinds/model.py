@@ -48,6 +48,7 @@ class Attribute:
         sentence: what it does.
         gt, ge, le, lt: bounds of the number; ``gt`` and ``lt`` are excluded.
         words: the values of a ``word``.
+        embedded_only: whether no server but the embedded simulator has it.
     """
 
     name: str
@@ -62,6 +63,7 @@ class Attribute:
     le: Optional[float] = None
     lt: Optional[float] = None
     words: Tuple[str, ...] = ()
+    embedded_only: bool = False
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ from carstage_sim.sensors import (  # noqa: F401 - they register themselves
     sweeping_lidar,
     v2x,
 )
-from carstage_sim.sensors.actors import ActorModels
+from carstage_sim.sensors.actors import ActorModels, drift_of
 from carstage_sim.sensors.known_sensors import KnownSensors
 from carstage_sim.sensors.looping import Looping
 from carstage_sim.sensors.measurements import SensorFrame, SensorRequest
@@ -284,6 +284,7 @@ class WorldSensors:
             state.timestamp_s,
             state.debug_shapes,
             self._cameras,
+            partial(drift_of, state),
         )
 
 

@@ -6,6 +6,8 @@ import pytest
 from pydantic_core import PydanticCustomError
 
 from carstage.config.attributes import attributes_model, check_server_has
+from carstage.config.loading import check_config
+from carstage.errors import ConfigError
 from carstage.sensor_kinds import Attribute, AttributeSet
 
 ROWS = (
@@ -35,3 +37,20 @@ def test_what_carla_has_or_is_not_given_goes_to_every_server() -> None:
 
 def test_the_embedded_simulator_gets_all() -> None:
     check_server_has("embedded", ROWS, MODEL.model_validate({"grain": True}))
+
+
+@pytest.mark.parametrize("server", [{"kind": "carla", "path": "/carla"}, {"kind": "remote"}])
+@pytest.mark.parametrize("kind", ["rgb", "depth", "semantic", "instance", "normals"])
+def test_rolling_shutters_are_refused_elsewhere(server: dict[str, str], kind: str) -> None:
+    sensor = {"id": "CAM", "kind": kind, "attributes": {"rolling_shutter_s": 0.02}}
+    check_config({"rig": {"sensors": [sensor]}})
+    with pytest.raises(ConfigError, match="server has no rolling_shutter_s") as refused:
+        check_config({"server": server, "rig": {"sensors": [sensor]}})
+    assert "attributes.rolling_shutter_s" in str(refused.value)
+
+
+@pytest.mark.parametrize(("kind", "seconds"), [("flow", 0.02), ("rgb", 0.2), ("rgb", -0.01)])
+def test_rolling_shutters_that_cannot_be_are_refused(kind: str, seconds: float) -> None:
+    sensor = {"id": "CAM", "kind": kind, "attributes": {"rolling_shutter_s": seconds}}
+    with pytest.raises(ConfigError, match="rolling_shutter_s"):
+        check_config({"rig": {"sensors": [sensor]}})

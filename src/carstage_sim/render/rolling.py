@@ -87,6 +87,7 @@ class Rows:
         self._drift = drift
         self._moving = np.flatnonzero((drift.velocity != 0).any(1) | (drift.turn_rate != 0).any(1))
         self._scene = frame.scene
+        self._scenes: dict[int, Scene] = {}
         if len(self._moving):
             longest_s = float(self._times_s[-1])
             corner = np.abs(frame.bounds).max(axis=1)
@@ -98,10 +99,15 @@ class Rows:
         return len(self.origins)
 
     def scene(self, row: int) -> Scene:
-        """What can be met while a row is exposed."""
+        """What can be met while a row is exposed; the same again for the same row."""
+        if not len(self._moving):
+            return self._scene
+        if row not in self._scenes:
+            self._scenes[row] = self._scene_at(row)
+        return self._scenes[row]
+
+    def _scene_at(self, row: int) -> Scene:
         moving, scene = self._moving, self._scene
-        if not len(moving):
-            return scene
         time_s = self._times_s[row]
         rotation, position = scene.rotation.copy(), scene.position.copy()
         turns = turns_of(self._drift.turn_rate[moving] * time_s)

@@ -24,12 +24,13 @@ from carstage_sim.render.pixel_kernels import (
     normal_words,
 )
 from carstage_sim.render.rolling import RollingShutter
+from carstage_sim.sensors.adaptation import Adaptation
 from carstage_sim.sensors.attributes import number, require, whole, within
 from carstage_sim.sensors.lens import Lens
 from carstage_sim.sensors.measurements import ImageFrame, SensorRequest
 from carstage_sim.sensors.sensor import MeasuringSensor, SensorRegistry
 from carstage_sim.sensors.view import Camera, View
-from carstage_sim.world.state import WorldState
+from carstage_sim.world.state import Weather, WorldState
 
 LARGEST_SIDE_PX = 8192
 MOST_PIXELS = 7680 * 4320
@@ -200,15 +201,33 @@ class RgbCamera(RollingCamera):
     def __init__(self, request: SensorRequest, town: Town) -> None:
         super().__init__(request, town)
         self.film = film_of(request.attributes)
+        self._adaptation = Adaptation.of(request.attributes)
+
+    def observe(self, state: WorldState, request: SensorRequest) -> None:
+        """Exposure follows the weather of steps that are not shown, too."""
+        self._adaptation.note(state)
 
     def measure(self, state: WorldState, request: SensorRequest, view: View) -> ImageFrame:
         """The picture, alpha 255."""
-        return self.image(view.pixels(self.exposing(state, request, view), self.film))
+        return self.image(view.pixels(self.exposing(state, request, view), self._film(state, view)))
 
-    def announce(self, request: SensorRequest, view: View) -> None:
+    def announce(self, state: WorldState, request: SensorRequest, view: View) -> None:
         """Its colours will be asked for."""
         if not self.rolling_s:
-            view.announce(self.camera(request), Product.COLOURS, self.film)
+            view.announce(self.camera(request), Product.COLOURS, self._film(state, view))
+
+    def _film(self, state: WorldState, view: View) -> Film:
+        """The film as it is exposed in a step."""
+        if self.film.manual:
+            return self.film
+
+        def wanted(weather: Weather) -> float:
+            return self.film.stops(view.automatic_exposure(weather))
+
+        stops = self._adaptation.stops(state, wanted)
+        if stops == wanted(state.weather):
+            return self.film
+        return replace(self.film, adapted_stops=stops)
 
 
 class HitCamera(RollingCamera):
@@ -223,7 +242,7 @@ class HitCamera(RollingCamera):
         made = view.on_card(camera, self.product)
         return self.image(self.encoded(view, view.camera(camera)) if made is None else made)
 
-    def announce(self, request: SensorRequest, view: View) -> None:
+    def announce(self, state: WorldState, request: SensorRequest, view: View) -> None:
         """Its picture will be asked for."""
         if not self.rolling_s:
             view.announce(self.camera(request), self.product)

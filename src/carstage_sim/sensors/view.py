@@ -328,6 +328,10 @@ class View:
             skip_row=self.skipped_row(camera.owner_id, camera.location),
         )
 
+    def automatic_exposure(self, weather: Weather) -> float:
+        """From radiance to the film, as the light of a weather asks for."""
+        return self._pictures.sky.exposure(weather)
+
     def announce(self, camera: Camera, product: Product, film: Film = _USUAL_FILM) -> None:
         """Say that a picture will be asked for, so that a card makes it together with others."""
         if not self._is_for_cpu(camera, product):

@@ -204,7 +204,7 @@ class WorldSensors:
         for request, sensor in due:
             if request.ignored not in views:
                 views[request.ignored] = self._view(state, view, request.ignored)
-            sensor.announce(request, views[request.ignored])
+            sensor.announce(state, request, views[request.ignored])
 
         def report(rank: int, request: SensorRequest, sensor: Sensor) -> Sequence[SensorFrame]:
             with self._caster.ranked(rank):

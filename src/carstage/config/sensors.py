@@ -268,6 +268,13 @@ class CameraSensor(Sensor):
                     "attributes",
                     name,
                 )
+        if "rolling_shutter_s" in given:
+            raise problem(
+                "rows of the recorded pictures are not the rows of what `lens` makes of them.",
+                "Leave it out, or leave lens out.",
+                "attributes",
+                "rolling_shutter_s",
+            )
         if self.row.content == NORMALS:
             raise problem(
                 "normals are in the axes of what recorded them, so they are not re-projected.",

@@ -36,7 +36,7 @@ _INSTANCE = "instance"
 _SEMANTIC_LIDAR = "semantic_lidar"
 _OCCUPANCY = "occupancy"
 _SCAN = frozenset(row.carla for row in SEMANTIC_LIDAR.rows)
-_GEOMETRY = ("image_size_", "fov", "lens_")
+_GEOMETRY = ("image_size_", "fov", "lens_", "rolling_shutter_")
 _NO_GEOMETRY = ("lens_flare_intensity",)
 
 
@@ -91,7 +91,7 @@ def _voxels(asked: Occupancy, sensors: Sequence[SensorSpec]) -> SensorSpec:
 
 
 def geometry(attributes: Mapping[str, str]) -> dict[str, str]:
-    """The attributes that decide which ray a pixel stands for."""
+    """The attributes that decide which ray a pixel stands for, and of when."""
     return {
         name: text
         for name, text in attributes.items()

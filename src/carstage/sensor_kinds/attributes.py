@@ -33,6 +33,13 @@ _CAMERA: _Rows = (
     Attribute("lens_y_size", "float", None, "Lens y size", "Distortion along y.", "lens_y_size"),
 )
 
+_ROLLING: _Rows = (
+    *_CAMERA,
+    Attribute("rolling_shutter_s", "float", None, "Rolling shutter",
+        "Time from the first row's exposure to the last's; embedded simulator only.",
+        "rolling_shutter_s", unit="s", ge=0, le=0.1, embedded_only=True),
+)
+
 _COLOUR: _Rows = (
     Attribute("enable_postprocess_effects", "bool", None, "Post-processing",
         "Bloom, exposure, motion blur and the rest.", "enable_postprocess_effects"),
@@ -53,9 +60,9 @@ _COLOUR: _Rows = (
     Attribute("exposure_max_bright", "float", None, "Highest brightness",
         "Bound of automatic exposure.", "exposure_max_bright"),
     Attribute("exposure_speed_up", "float", None, "Exposure speed up",
-        "Speed of adaptation from dark to bright.", "exposure_speed_up"),
+        "Speed of adaptation from dark to bright.", "exposure_speed_up", unit="EV/s"),
     Attribute("exposure_speed_down", "float", None, "Exposure speed down",
-        "Speed of adaptation from bright to dark.", "exposure_speed_down"),
+        "Speed of adaptation from bright to dark.", "exposure_speed_down", unit="EV/s"),
     Attribute("calibration_constant", "float", None, "Calibration constant",
         "Grey that exposure aims at.", "calibration_constant"),
     Attribute("focal_distance_cm", "float", None, "Focal distance", "Where the image is sharp.",
@@ -271,13 +278,19 @@ _V2X: _Rows = (
 CAMERA = AttributeSet(
     "CameraAttributes",
     "Attributes of every camera; two cameras with equal ones and one pose see the same pixels.",
+    _ROLLING,
+    shape="camera",
+)
+FLOW_CAMERA = AttributeSet(
+    "FlowAttributes",
+    "Those of every camera but a rolling shutter: motion is that between two moments.",
     _CAMERA,
     shape="camera",
 )
 COLOUR_CAMERA = AttributeSet(
     "RgbAttributes",
     "A colour camera's: geometry, exposure and the effects of CARLA's post-processing.",
-    _CAMERA + _COLOUR,
+    _ROLLING + _COLOUR,
     shape="camera",
 )
 LIDAR = AttributeSet(

@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 
 from carstage_sim.render.cast import Scene, new_scratch
 from carstage_sim.render.crew import Crew, Shared, for_workers
+from carstage_sim.render.packet_simd import PACKET
 from carstage_sim.render.packets import new_packet_scratch
+from carstage_sim.render.rolling import Rows
 from carstage_sim.render.shared_kernels import share_cast_packets, share_cast_rays
 from carstage_sim.render.sharing import Team
 
@@ -81,6 +83,25 @@ def picture_packets(width: int, height: int) -> Packets:
     starts = np.zeros(len(squares) + 1, np.int32)
     np.cumsum([len(square) for square in squares], out=starts[1:])
     return Packets(np.concatenate(squares), starts)
+
+
+def by_rows(packets: Packets, row_of: NDArray[np.integer]) -> Iterator[tuple[int, Packets]]:
+    """Rays of packets, anew in packets of one row of the picture each.
+
+    Args:
+        packets: which rays.
+        row_of: ``(N,)`` row of each ray.
+
+    Yields:
+        A row, and its rays; no row twice.
+    """
+    rows = row_of[packets.order]
+    sorted_ = np.argsort(rows, kind="stable")
+    order, rows = packets.order[sorted_], rows[sorted_]
+    begins = np.flatnonzero(np.diff(rows, prepend=-1))
+    for first, last in zip(begins, [*begins[1:], len(rows)], strict=True):
+        starts = np.append(np.arange(0, last - first, PACKET), last - first)
+        yield int(rows[first]), Packets(order[first:last], starts.astype(np.int32))
 
 
 class RayCaster:
@@ -226,15 +247,53 @@ class RayCaster:
             packets: which rays do.
         """
         hits = unwritten_hits(origin, directions)
-        self._count(len(packets.order))
+        self._meet(scene, hits.origin, packets, (low, high, skip_row), hits)
+        return hits
 
+    def cast_rows(
+        self,
+        rows: Rows,
+        row_of: NDArray[np.integer],
+        hits: Hits,
+        packets: Packets,
+        *,
+        low: float,
+        high: float,
+        skip_row: int = -1,
+    ) -> Hits:
+        """As :meth:`cast_together`, of rays from where the camera is in their rows.
+
+        Args:
+            rows: of the picture.
+            row_of: ``(N,)`` row of each ray.
+            hits: the rays; receives what they meet.
+            packets, low, high, skip_row: as for :meth:`cast_together`.
+
+        Returns:
+            ``hits``.
+        """
+        for row, some in by_rows(packets, row_of):
+            within = (low, high, skip_row)
+            self._meet(rows.scene(row), rows.origins[row], some, within, hits)
+        return hits
+
+    def _meet(
+        self,
+        scene: Scene,
+        origin: NDArray[np.float32],
+        packets: Packets,
+        within: tuple[float, float, int],
+        hits: Hits,
+    ) -> None:
+        """Write what rays from a place meet; ``within``: low, high and skip_row of a cast."""
+        low, high, skip_row = within
+        self._count(len(packets.order))
         data = (
-            self._packet_scratch, scene, hits.origin, hits.directions, packets.order,
+            self._packet_scratch, scene, origin, hits.directions, packets.order,
             packets.starts, np.float32(low), np.float32(high), skip_row,
             hits.t, hits.row, hits.triangle, hits.weights,
         )  # fmt: skip
         self.in_packets(share_cast_packets, data, packets)
-        return hits
 
 
 def unwritten_hits(origin: NDArray[np.floating], directions: NDArray[np.float32]) -> Hits:

@@ -49,6 +49,8 @@ class Film:
         iso: sensitivity.
         f_stop: aperture.
         gamma: of the display; 2.2 is sRGB's own curve.
+        adapted_stops: the automatic exposure while it still follows a change of the light, in stops
+            over that of a clear noon; None: that of the light.
     """
 
     manual: bool = False
@@ -59,6 +61,7 @@ class Film:
     iso: float = 100.0
     f_stop: float = 1.4
     gamma: float = _USUAL_GAMMA
+    adapted_stops: float | None = None
 
     def exposed(self, light: Lighting) -> Lighting:
         """The same light with this film's exposure.
@@ -66,18 +69,13 @@ class Film:
         The exposure value is that of ISO 2720, ``log2(f_stop^2 * shutter * 100 / iso)``; with the
         defaults a manual exposure is right for a clear noon.
         """
-        automatic = float(light.exposure)
         if self.manual:
             ev = math.log2(self.f_stop**2 * self.shutter_per_s * 100.0 / self.iso)
             exposure = CLEAR_NOON_EXPOSURE * 2.0 ** (_USUAL_EV - ev)
+        elif self.adapted_stops is not None:
+            exposure = CLEAR_NOON_EXPOSURE * 2.0**self.adapted_stops
         else:
-            stops = math.log2(automatic / CLEAR_NOON_EXPOSURE)
-            wanted = _NOON_EV - stops * (_NOON_EV - _NIGHT_EV) / _NIGHT_STOPS
-            # A clear noon and a night may lie a little outside of what their values stand for.
-            low = self.darkest_ev if self.darkest_ev > _NIGHT_EV else -math.inf
-            high = self.brightest_ev if self.brightest_ev < _NOON_EV else math.inf
-            ev = min(max(wanted, low), high)
-            exposure = automatic * 2.0 ** ((wanted - ev) * _NIGHT_STOPS / (_NOON_EV - _NIGHT_EV))
+            exposure = self._automatic(float(light.exposure))
         exposure *= 2.0**self.compensation_ev
         return light._replace(exposure=np.float32(exposure))
 
@@ -89,6 +87,20 @@ class Film:
         if self.manual:
             return self.iso
         return 100.0 * float(self.exposed(light).exposure) / CLEAR_NOON_EXPOSURE
+
+    def stops(self, automatic: float) -> float:
+        """Stops over a clear noon's of the automatic exposure of a light, within the bounds."""
+        return math.log2(self._automatic(automatic) / CLEAR_NOON_EXPOSURE)
+
+    def _automatic(self, automatic: float) -> float:
+        """An automatic exposure within the bounds."""
+        stops = math.log2(automatic / CLEAR_NOON_EXPOSURE)
+        wanted = _NOON_EV - stops * (_NOON_EV - _NIGHT_EV) / _NIGHT_STOPS
+        # A clear noon and a night may lie a little outside of what their values stand for.
+        low = self.darkest_ev if self.darkest_ev > _NIGHT_EV else -math.inf
+        high = self.brightest_ev if self.brightest_ev < _NOON_EV else math.inf
+        ev = min(max(wanted, low), high)
+        return automatic * float(2.0 ** ((wanted - ev) * _NIGHT_STOPS / (_NOON_EV - _NIGHT_EV)))
 
     def encode(self, colours: NDArray[np.float32]) -> NDArray[np.uint8]:
         """8-bit codes of linear display light, 0-1."""

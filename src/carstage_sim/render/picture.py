@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +13,12 @@ from carstage_sim.render.caster import (
     Hits,
     Packets,
     RayCaster,
+    by_rows,
     picture_packets,
     unwritten_hits,
 )
 from carstage_sim.render.crew import for_workers
-from carstage_sim.render.edges import rough_pixels
+from carstage_sim.render.edges import Rough, rough_pixels
 from carstage_sim.render.exposure_blur import blurred
 from carstage_sim.render.film import Film, develop, develop_means, film_codes
 from carstage_sim.render.glare import with_glare
@@ -28,6 +29,7 @@ from carstage_sim.render.normals import smooth_normals
 from carstage_sim.render.overlay import draw_shapes
 from carstage_sim.render.packet_shading import new_shade_scratch
 from carstage_sim.render.quality import SAMPLING, Quality
+from carstage_sim.render.rolling import Rows
 from carstage_sim.render.scene import Frame, SceneStore
 from carstage_sim.render.sensor_noise import draw_noise, noise_table
 from carstage_sim.render.shading import RayHits, ShadedFrame
@@ -50,6 +52,7 @@ class Picture:
         low, high: interval of depths.
         shapes: debug shapes to draw, None for none.
         film: how light becomes codes.
+        rows: what each row sees, where they are exposed one after the other; else None.
     """
 
     width: int
@@ -62,6 +65,11 @@ class Picture:
     high: float
     shapes: DebugShapes | None = None
     film: Film = field(default_factory=Film)
+    rows: Rows | None = None
+
+    def row_of(self, pixels: NDArray[np.integer], samples: int = 1) -> NDArray[np.integer]:
+        """The row of each ray, of which there are ``samples`` for each pixel."""
+        return np.repeat(pixels // self.width, samples)
 
 
 class PictureMaker:
@@ -130,6 +138,25 @@ class PictureMaker:
             depth=np.ones((1, 2), np.float32), pixels=pixels[..., 2::-1],
         )  # fmt: skip
 
+    def _shade_picture(
+        self,
+        frame: Frame,
+        picture: Picture,
+        hits: Hits,
+        packets: Packets,
+        row_of: NDArray[np.integer] | None,
+        light: Lighting,
+        colours: NDArray[np.float32],
+    ) -> None:
+        """As :meth:`_shade`; ``row_of``: each ray's, if rows are exposed one by one."""
+        rest = picture.skip_row, _pixel_angle(picture), light, colours
+        if picture.rows is None or row_of is None:
+            self._shade(frame, hits, packets, *rest)
+            return
+        for row, some in by_rows(packets, row_of):
+            then = replace(frame, scene=picture.rows.scene(row))
+            self._shade(then, replace(hits, origin=picture.rows.origins[row]), some, *rest)
+
     def _shade(
         self,
         frame: Frame,
@@ -164,54 +191,78 @@ class PictureMaker:
 
     def pixels(self, frame: Frame, picture: Picture, light: Lighting) -> NDArray[np.uint8]:
         """As :meth:`paint`, ``(H, W, 4)`` BGRA with alpha 255."""
-        angle = 2.0 * np.tan(np.radians(picture.fov_deg) / 2.0) / picture.width
         light = picture.film.exposed(light)
-        colours = np.empty((picture.width * picture.height, 3), np.float32)
+        count = picture.width * picture.height
+        colours = np.empty((count, 3), np.float32)
         whole = picture_packets(picture.width, picture.height)
-        self._shade(frame, picture.hits, whole, picture.skip_row, angle, light, colours)
+        rows = None if picture.rows is None else picture.row_of(np.arange(count))
+        self._shade_picture(frame, picture, picture.hits, whole, rows, light, colours)
         pixels = np.empty((picture.height, picture.width, 4), np.uint8)
         self._develop(picture.film, colours, pixels)
-        places = self._sampling.offsets
         rough = rough_pixels(
             self._caster, frame, self._materials.detail, picture.hits, pixels, self._sampling,
             (film_codes(picture.film.gamma), colours),
         )  # fmt: skip
-        edges = rough.pixels
-        if len(edges):
-            # The offset is in pixels: right along the second axis of the camera, down its third.
-            right = (picture.rotation[:, 1] * angle).astype(np.float32)
-            down = (-picture.rotation[:, 2] * angle).astype(np.float32)
-            offsets = places[:, :1] * right + places[:, 1:] * down
-            size = (picture.width, picture.height)
-            again = np.empty((len(edges) * len(places), 3), np.float32)
-            packets, rays = extra_rays(rough, len(places)), np.empty_like(again)
-            if self._epic:
-                every = np.ones(len(rays), np.bool_)
-                aim = picture.hits.directions, edges, offsets, every, rays
-                self._caster.in_parts(aim_again, aim, len(edges))
-            else:
-                packets = mixed(
-                    self._caster, frame, self._materials.detail, picture.hits, size, colours,
-                    edges, places, packets, again, (picture.hits.directions, offsets, rays),
-                )  # fmt: skip
-            hits = self._caster.cast_together(
-                frame.scene,
-                picture.hits.origin,
-                rays,
-                packets,
-                low=picture.low,
-                high=picture.high,
-                skip_row=picture.skip_row,
-            )
-            if not self._epic:
-                packets = lent(
-                    self._caster, picture.hits, size, colours, edges, places, hits, packets, again
-                )
-            self._shade(frame, hits, packets, picture.skip_row, angle, light, again)
-            self._develop_means(picture.film, colours, again, edges, pixels)
+        if len(rough.pixels):
+            again = self._sampled_again(frame, picture, rough, light, colours)
+            self._develop_means(picture.film, colours, again, rough.pixels, pixels)
         if picture.shapes is not None:
             _draw(picture.shapes, picture, pixels[..., 2::-1])
         return pixels
+
+    def _sampled_again(
+        self,
+        frame: Frame,
+        picture: Picture,
+        rough: Rough,
+        light: Lighting,
+        colours: NDArray[np.float32],
+    ) -> NDArray[np.float32]:
+        """``(E * K, 3)`` colours of the ``K`` further rays through each of ``E`` rough pixels."""
+        places, edges, angle = self._sampling.offsets, rough.pixels, _pixel_angle(picture)
+        # The offset is in pixels: right along the second axis of the camera, down its third.
+        right = (picture.rotation[:, 1] * angle).astype(np.float32)
+        down = (-picture.rotation[:, 2] * angle).astype(np.float32)
+        offsets = places[:, :1] * right + places[:, 1:] * down
+        size = (picture.width, picture.height)
+        again = np.empty((len(edges) * len(places), 3), np.float32)
+        packets, rays = extra_rays(rough, len(places)), np.empty_like(again)
+        if self._epic:
+            every = np.ones(len(rays), np.bool_)
+            aim = picture.hits.directions, edges, offsets, every, rays
+            self._caster.in_parts(aim_again, aim, len(edges))
+        else:
+            packets = mixed(
+                self._caster, frame, self._materials.detail, picture.hits, size, colours,
+                edges, places, packets, again, (picture.hits.directions, offsets, rays),
+            )  # fmt: skip
+        rows = None if picture.rows is None else picture.row_of(edges, len(places))
+        hits = self._cast_again(frame, picture, rays, packets, rows)
+        if not self._epic:
+            packets = lent(
+                self._caster, picture.hits, size, colours, edges, places, hits, packets, again
+            )
+        self._shade_picture(frame, picture, hits, packets, rows, light, again)
+        return again
+
+    def _cast_again(
+        self,
+        frame: Frame,
+        picture: Picture,
+        rays: NDArray[np.float32],
+        packets: Packets,
+        row_of: NDArray[np.integer] | None,
+    ) -> Hits:
+        low, high, skip_row = picture.low, picture.high, picture.skip_row
+        origin = picture.hits.origin
+        if picture.rows is not None and row_of is not None:
+            hits = unwritten_hits(origin, rays)
+            return self._caster.cast_rows(
+                picture.rows, row_of, hits, packets, low=low, high=high, skip_row=skip_row
+            )
+        return self._caster.cast_together(
+            frame.scene, origin, rays, packets, low=low, high=high, skip_row=skip_row
+        )
 
     def _develop(self, film: Film, colours: NDArray[np.float32], pixels: NDArray[np.uint8]) -> None:
         data = film_codes(film.gamma), colours, pixels.reshape(-1, 4)
@@ -227,6 +278,11 @@ class PictureMaker:
     ) -> None:
         data = film_codes(film.gamma), colours, again, edges, pixels.reshape(-1, 4)
         self._caster.in_parts(develop_means, data, len(edges))
+
+
+def _pixel_angle(picture: Picture) -> float:
+    """Radians between the rays of neighbouring pixels in the middle, about."""
+    return float(2.0 * np.tan(np.radians(picture.fov_deg) / 2.0) / picture.width)
 
 
 def _nothing_met() -> tuple[Hits, Packets]:

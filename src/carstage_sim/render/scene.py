@@ -159,9 +159,18 @@ class Frame:
         elsewhere = replace(self, scene=self.scene._replace(rotation=rotation, position=position))
         return elsewhere._of_rows(np.sort(self.scene.top_row))
 
-    def _of_rows(self, rows: NDArray[np.intp]) -> Scene:
+    def with_larger_boxes(self, spare_m: NDArray[np.float32]) -> Scene:
+        """The scene where instances may be elsewhere than they are, without a new hierarchy.
+
+        Args:
+            spare_m: ``(I,)`` float32 how far each one's points may move.
+        """
+        return self._of_rows(np.sort(self.scene.top_row), spare_m)
+
+    def _of_rows(self, rows: NDArray[np.intp], spare_m: NDArray[np.float32] | None = None) -> Scene:
         scene = self.scene
-        top = top_tree(scene.rotation[rows], scene.position[rows], self.bounds[rows])
+        spare_m = None if spare_m is None else spare_m[rows]
+        top = top_tree(scene.rotation[rows], scene.position[rows], self.bounds[rows], spare_m)
         return scene._replace(
             top_planes=top.planes,
             top_children=top.children,
@@ -471,8 +480,15 @@ def top_tree(
     rotation: NDArray[np.float32],
     position: NDArray[np.float32],
     bounds: NDArray[np.float32],
+    spare_m: NDArray[np.float32] | None = None,
 ) -> WideTree:
-    """Hierarchy over the instances' world boxes, a leaf for each."""
+    """Hierarchy over the instances' world boxes, a leaf for each.
+
+    Args:
+        rotation, position: of the instances, as in :class:`carstage_sim.render.cast.Scene`.
+        bounds: ``(I, 2, 3)`` float32 of each one's mesh, in its own axes.
+        spare_m: ``(I,)`` float32 by how much boxes are larger on all sides; None: not at all.
+    """
     if not len(position):
         return WideTree(
             np.empty((0, 6, LANES), np.float32),
@@ -486,4 +502,6 @@ def top_tree(
     middle = np.einsum("nij,nj->ni", rotation, centre) + position
     # A millimetre covers the rounding of rays that are moved into the actor's frame.
     reach = np.einsum("nij,nj->ni", np.abs(rotation), half) + np.float32(1e-3)
+    if spare_m is not None:
+        reach = reach + spare_m[:, None]
     return build_tree(middle - reach, middle + reach, 1)

@@ -228,12 +228,17 @@ def _cloud_noise() -> Array:
     return total
 
 
+_EXPOSURES = 256
+"""Weathers whose exposures are kept."""
+
+
 class SkyModel:
     """Makes lighting from weather; keeps the last one, since weather seldom changes."""
 
     def __init__(self) -> None:
         self._noise = _cloud_noise()
         self._last: tuple[Weather, Lighting] | None = None
+        self._exposures: dict[Weather, float] = {}
         self._lock = threading.Lock()
 
     def lighting(self, weather: Weather, time_s: float) -> Lighting:
@@ -241,8 +246,21 @@ class SkyModel:
         with self._lock:
             if self._last is None or self._last[0] != weather:
                 self._last = (weather, _lighting(weather, self._noise))
+                self._keep_exposure(weather, self._last[1])
             kept = self._last[1]
         return kept._replace(time_s=np.float32(time_s % 3600.0))
+
+    def exposure(self, weather: Weather) -> float:
+        """The automatic exposure of a weather; that of some before is known."""
+        with self._lock:
+            if weather not in self._exposures:
+                self._keep_exposure(weather, _lighting(weather, self._noise))
+            return self._exposures[weather]
+
+    def _keep_exposure(self, weather: Weather, light: Lighting) -> None:
+        if len(self._exposures) >= _EXPOSURES:
+            del self._exposures[next(iter(self._exposures))]
+        self._exposures[weather] = float(light.exposure)
 
 
 def _lighting(weather: Weather, noise: Array) -> Lighting:

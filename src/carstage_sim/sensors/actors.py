@@ -24,7 +24,8 @@ from carstage_sim.geometry import rotation_matrix
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.town import Town
 from carstage_sim.mesh import Material, TriangleMesh, merge_meshes
-from carstage_sim.render.scene import PASSING, QUICK, Placement
+from carstage_sim.render.rolling import Drift
+from carstage_sim.render.scene import PASSING, QUICK, Frame, Placement
 from carstage_sim.sensors.mesh_store import MeshStore
 from carstage_sim.world.blueprints import Blueprint, catalogue
 from carstage_sim.world.blueprints.props import has_shape
@@ -251,6 +252,12 @@ class ActorModels:
                 meshes = walking_meshes(name, extent, phases, umbrella=opens)
             self._walking = dict(zip(keys, meshes, strict=True))
         return self._walking.pop(key)
+
+
+def drift_of(state: WorldState, frame: Frame) -> Drift:
+    """How the instances of a frame move, as its actors do."""
+    rows = np.searchsorted(state.actor_id, frame.actor_id)
+    return Drift(state.velocity[rows], np.radians(state.angular_velocity_deg[rows]))
 
 
 def _with_picture(mesh: TriangleMesh, row: str) -> TriangleMesh:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 from abc import abstractmethod
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -21,17 +23,22 @@ from carstage_sim.render.pixel_kernels import (
     instance_words,
     normal_words,
 )
+from carstage_sim.render.rolling import RollingShutter
+from carstage_sim.sensors.adaptation import Adaptation
 from carstage_sim.sensors.attributes import number, require, whole, within
 from carstage_sim.sensors.film_effects import FilmEffects
 from carstage_sim.sensors.lens import Lens
 from carstage_sim.sensors.measurements import ImageFrame, SensorRequest
 from carstage_sim.sensors.sensor import MeasuringSensor, SensorRegistry
 from carstage_sim.sensors.view import Camera, View
-from carstage_sim.world.state import WorldState
+from carstage_sim.world.state import Weather, WorldState
 
 LARGEST_SIDE_PX = 8192
 MOST_PIXELS = 7680 * 4320
 _MOST_STOPS = 30.0
+_LONGEST_SHUTTER_S = 0.1
+
+_log = logging.getLogger(__name__)
 
 
 def encode_depth(depth_m: NDArray[np.floating], in_parts: InParts = in_one) -> NDArray[np.uint8]:
@@ -130,6 +137,32 @@ class CameraSensor(MeasuringSensor):
         return ImageFrame(self.fov_deg, pixels.reshape(self.height, self.width, 4))
 
 
+class RollingCamera(CameraSensor):
+    """A camera whose rows may be exposed one after the other."""
+
+    def __init__(self, request: SensorRequest, town: Town) -> None:
+        super().__init__(request, town)
+        self.rolling_s = number(request.attributes, "rolling_shutter_s", 0.0)
+        within("rolling_shutter_s", self.rolling_s, 0.0, _LONGEST_SHUTTER_S)
+        self._said = False
+
+    def exposing(self, state: WorldState, request: SensorRequest, view: View) -> Camera:
+        """The camera of this tick, with what carries it on the move if rows take time."""
+        camera = self.camera(request)
+        if not self.rolling_s:
+            return camera
+        if view.has_card and not self._said:
+            self._said = True
+            _log.info("sensor %d has a rolling shutter: the CPU draws it", request.sensor_id)
+        rows = np.flatnonzero(state.actor_id == request.owner_id) if request.owner_id else ()
+        around, velocity, turn_rate = request.location, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        for row in rows:
+            around, velocity = tuple(state.location[row]), tuple(state.velocity[row])
+            turn_rate = tuple(np.radians(state.angular_velocity_deg[row]))
+        shutter = RollingShutter(self.rolling_s, around, velocity, turn_rate)
+        return replace(camera, shutter=shutter)
+
+
 def film_of(attributes: Mapping[str, str]) -> Film:
     """The film that a camera's exposure attributes describe.
 
@@ -159,7 +192,7 @@ def film_of(attributes: Mapping[str, str]) -> Film:
 
 
 @SensorRegistry.register("sensor.camera.rgb")
-class RgbCamera(CameraSensor):
+class RgbCamera(RollingCamera):
     """A colour picture."""
 
     may_be_late = True
@@ -170,19 +203,38 @@ class RgbCamera(CameraSensor):
         super().__init__(request, town)
         self.film = film_of(request.attributes)
         self.effects = FilmEffects.of(request)
+        self._adaptation = Adaptation.of(request.attributes)
+
+    def observe(self, state: WorldState, request: SensorRequest) -> None:
+        """Exposure follows the weather of steps that are not shown, too."""
+        self._adaptation.note(state)
 
     def measure(self, state: WorldState, request: SensorRequest, view: View) -> ImageFrame:
         """The picture, alpha 255, with the effects that were asked for."""
-        camera = self.camera(request)
-        pixels = view.pixels(camera, self.film)
-        return self.image(self.effects.on(pixels, self.film, camera, (state, request, view)))
+        camera, film = self.exposing(state, request, view), self._film(state, view)
+        pixels = view.pixels(camera, film)
+        return self.image(self.effects.on(pixels, film, camera, (state, request, view)))
 
-    def announce(self, request: SensorRequest, view: View) -> None:
+    def announce(self, state: WorldState, request: SensorRequest, view: View) -> None:
         """Its colours will be asked for."""
-        view.announce(self.camera(request), Product.COLOURS, self.film)
+        if not self.rolling_s:
+            view.announce(self.camera(request), Product.COLOURS, self._film(state, view))
+
+    def _film(self, state: WorldState, view: View) -> Film:
+        """The film as it is exposed in a step."""
+        if self.film.manual:
+            return self.film
+
+        def wanted(weather: Weather) -> float:
+            return self.film.stops(view.automatic_exposure(weather))
+
+        stops = self._adaptation.stops(state, wanted)
+        if stops == wanted(state.weather):
+            return self.film
+        return replace(self.film, adapted_stops=stops)
 
 
-class HitCamera(CameraSensor):
+class HitCamera(RollingCamera):
     """What the cameras share that show what pixels met, whatever the light."""
 
     beside_others = True
@@ -190,13 +242,14 @@ class HitCamera(CameraSensor):
 
     def measure(self, state: WorldState, request: SensorRequest, view: View) -> ImageFrame:
         """The picture, made on the card if there is one."""
-        camera = self.camera(request)
+        camera = self.exposing(state, request, view)
         made = view.on_card(camera, self.product)
         return self.image(self.encoded(view, view.camera(camera)) if made is None else made)
 
-    def announce(self, request: SensorRequest, view: View) -> None:
+    def announce(self, state: WorldState, request: SensorRequest, view: View) -> None:
         """Its picture will be asked for."""
-        view.announce(self.camera(request), self.product)
+        if not self.rolling_s:
+            view.announce(self.camera(request), self.product)
 
     @abstractmethod
     def encoded(self, view: View, hits: Hits) -> NDArray[np.uint8]:

@@ -83,7 +83,9 @@ class Sensor(ABC):
         self._due_s += (math.floor(late_s / self._interval_s) + 1) * self._interval_s
         return True
 
-    def announce(self, request: SensorRequest, view: View) -> None:  # noqa: B027
+    def announce(  # noqa: B027
+        self, state: WorldState, request: SensorRequest, view: View
+    ) -> None:
         """Say which pictures :meth:`report` will ask for; a card then makes them side by side."""
 
 

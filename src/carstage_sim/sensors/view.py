@@ -15,7 +15,13 @@ from numpy.typing import NDArray
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.render.cast import NOTHING, STATIC, Scene
-from carstage_sim.render.caster import WIDE_BAND, Hits, RayCaster, picture_packets
+from carstage_sim.render.caster import (
+    WIDE_BAND,
+    Hits,
+    RayCaster,
+    picture_packets,
+    unwritten_hits,
+)
 from carstage_sim.render.crew import Shared
 from carstage_sim.render.film import Film
 from carstage_sim.render.gpu.camera import GpuCameras, Pending, Product, Shot
@@ -30,6 +36,7 @@ from carstage_sim.render.pixel_kernels import (
     in_one,
     ray_directions,
 )
+from carstage_sim.render.rolling import Drift, RollingShutter, Rows
 from carstage_sim.render.scene import Frame
 from carstage_sim.render.sky import Lighting
 from carstage_sim.sensors.lens import PINHOLE, Lens, pixel_places
@@ -54,6 +61,7 @@ class Camera:
         rotation_deg: pitch, yaw, roll.
         owner_id: actor that carries it, 0 for none.
         lens: what bends its rays.
+        shutter: how its rows are exposed one after the other; None: all at once.
     """
 
     width: int
@@ -63,6 +71,7 @@ class Camera:
     rotation_deg: tuple[float, float, float]
     owner_id: int
     lens: Lens = PINHOLE
+    shutter: RollingShutter | None = None
 
 
 @lru_cache(maxsize=16)
@@ -102,6 +111,16 @@ def pixel_rays(camera: Camera, in_parts: InParts = in_one) -> NDArray[np.float32
     return rays
 
 
+def row_rays(camera: Camera, rows: Rows) -> NDArray[np.float32]:
+    """As :func:`pixel_rays`, where each row has a pose of its own."""
+    right, up = _pixel_slopes(camera.width, camera.height, camera.fov_deg, camera.lens)
+    rays = np.empty((len(right), 3), np.float32)
+    for row, rotation in enumerate(rows.rotations):
+        of_row = slice(row * camera.width, (row + 1) * camera.width)
+        in_one(ray_directions, (rotation, right[of_row], up[of_row], rays[of_row]), camera.width)
+    return rays
+
+
 def turned(
     local: NDArray[np.float64], rotation_deg: tuple[float, float, float]
 ) -> NDArray[np.float32]:
@@ -131,6 +150,7 @@ class View:
         time_s: simulated time.
         shapes: debug shapes that pictures show, None for none.
         cameras: makes pictures on a card, None for none.
+        drift_of: how the instances of a frame move; None: not at all.
     """
 
     def __init__(
@@ -142,8 +162,10 @@ class View:
         time_s: float,
         shapes: DebugShapes | None = None,
         cameras: GpuCameras | None = None,
+        drift_of: Callable[[Frame], Drift] | None = None,
     ) -> None:
         self._frame = Once(make_frame)
+        self._drift_of = drift_of
         self._caster = caster
         self._pictures = pictures
         self._weather = weather
@@ -151,6 +173,7 @@ class View:
         self._shapes = shapes
         self._lock = threading.Lock()
         self._casts: dict[Camera, Once[Hits]] = {}
+        self._rows: dict[Camera, Once[Rows]] = {}
         self._colours: dict[tuple[Camera, Film], Once[NDArray[np.uint8]]] = {}
         self._cameras = cameras
         self._expected: dict[tuple[Camera, Film], set[Product]] = {}
@@ -276,8 +299,36 @@ class View:
             hits = self._casts.setdefault(camera, Once(partial(self._cast, camera)))
         return hits()
 
+    def _rows_of(self, camera: Camera) -> Rows | None:
+        """What a camera's rows see if they are exposed one after the other, made once per tick."""
+        if camera.shutter is None:
+            return None
+        with self._lock:
+            rows = self._rows.setdefault(
+                camera, Once(partial(self._make_rows, camera, camera.shutter))
+            )
+        return rows()
+
+    def _make_rows(self, camera: Camera, shutter: RollingShutter) -> Rows:
+        frame = self.frame
+        still = np.zeros((len(frame.actor_id), 3))
+        drift = Drift(still, still) if self._drift_of is None else self._drift_of(frame)
+        place, rotation = np.asarray(camera.location), rotation_matrix(camera.rotation_deg)
+        return Rows(frame, drift, shutter, camera.height, place, rotation)
+
     def _cast(self, camera: Camera) -> Hits:
         self._count_cast()
+        rows = self._rows_of(camera)
+        if rows is not None:
+            return self._caster.cast_rows(
+                rows,
+                np.repeat(np.arange(camera.height), camera.width),
+                unwritten_hits(np.asarray(camera.location), row_rays(camera, rows)),
+                picture_packets(camera.width, camera.height),
+                low=NEAR_M,
+                high=FAR_M,
+                skip_row=self.skipped_row(camera.owner_id, camera.location),
+            )
         return self._caster.cast_together(
             self.frame.scene,
             np.asarray(camera.location),
@@ -288,9 +339,13 @@ class View:
             skip_row=self.skipped_row(camera.owner_id, camera.location),
         )
 
+    def automatic_exposure(self, weather: Weather) -> float:
+        """From radiance to the film, as the light of a weather asks for."""
+        return self._pictures.sky.exposure(weather)
+
     def announce(self, camera: Camera, product: Product, film: Film = _USUAL_FILM) -> None:
         """Say that a picture will be asked for, so that a card makes it together with others."""
-        if not self._is_drawn_on(product):
+        if not self._is_for_cpu(camera, product):
             self._expected.setdefault((camera, film), set()).add(product)
 
     def on_card(
@@ -308,7 +363,7 @@ class View:
             film: of colours.
             motions: since the camera's last picture, for flow.
         """
-        if self._cameras is None or self._is_drawn_on(product):
+        if self._cameras is None or self._is_for_cpu(camera, product):
             return None
         key = (camera, film, product)
         if (camera, film) in self._pending:
@@ -319,9 +374,15 @@ class View:
             self._receive(camera, film)
         return self._made[key]
 
-    def _is_drawn_on(self, product: Product) -> bool:
-        """Whether debug shapes are drawn over a picture, which the CPU does."""
-        return self._shapes is not None and product is Product.COLOURS
+    def _is_for_cpu(self, camera: Camera, product: Product) -> bool:
+        """Whether the CPU makes a picture: with debug shapes, or row by row."""
+        drawn_on = self._shapes is not None and product is Product.COLOURS
+        return drawn_on or camera.shutter is not None
+
+    @property
+    def has_card(self) -> bool:
+        """Whether a card makes pictures."""
+        return self._cameras is not None
 
     def _receive(self, camera: Camera, film: Film) -> None:
         for product, data in self._pending.pop((camera, film)).pictures().items():
@@ -382,6 +443,7 @@ class View:
             high=FAR_M,
             shapes=self._shapes,
             film=film,
+            rows=self._rows_of(camera),
         )
         return self._pictures.pixels(self.frame, picture, self.lighting)
 
@@ -429,7 +491,8 @@ class View:
     def smooth_normals(self, hits: Hits) -> NDArray[np.float32]:
         """``(N, 3)`` float32 unit normal (world) of the surface that each ray met, else 0.
 
-        See :func:`carstage_sim.render.normals.smooth_normals`.
+        See :func:`carstage_sim.render.normals.smooth_normals`. Those of turning actors are as they
+        are at the frame's time.
         """
         return smooth_normals(self._caster, self.frame, hits)
 

@@ -37,7 +37,7 @@ from carstage_sim.sensors import (  # noqa: F401 - they register themselves
     sweeping_lidar,
     v2x,
 )
-from carstage_sim.sensors.actors import ActorModels
+from carstage_sim.sensors.actors import ActorModels, drift_of
 from carstage_sim.sensors.known_sensors import KnownSensors
 from carstage_sim.sensors.looping import Looping
 from carstage_sim.sensors.measurements import SensorFrame, SensorRequest
@@ -204,7 +204,7 @@ class WorldSensors:
         for request, sensor in due:
             if request.ignored not in views:
                 views[request.ignored] = self._view(state, view, request.ignored)
-            sensor.announce(request, views[request.ignored])
+            sensor.announce(state, request, views[request.ignored])
 
         def report(rank: int, request: SensorRequest, sensor: Sensor) -> Sequence[SensorFrame]:
             with self._caster.ranked(rank):
@@ -284,6 +284,7 @@ class WorldSensors:
             state.timestamp_s,
             state.debug_shapes,
             self._cameras,
+            partial(drift_of, state),
         )
 
 

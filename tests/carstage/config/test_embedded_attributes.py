@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import pytest
-from pydantic import ValidationError
 from pydantic_core import PydanticCustomError
 
-from carstage.config import Config
 from carstage.config.attributes import attributes_model, check_server_has
+from carstage.config.loading import check_config
+from carstage.errors import ConfigError
 from carstage.plan.rig import plan_sensors
 from carstage.sensor_kinds import Attribute, AttributeSet
 
@@ -44,8 +44,25 @@ def test_the_embedded_simulator_gets_all() -> None:
 def test_effects_of_the_embedded_simulator_need_it(name: str) -> None:
     camera = {"id": "CAM", "kind": "rgb", "attributes": {name: True}}
     rig = {"preset": None, "sensors": [camera]}
-    asked = Config.model_validate({"rig": rig})
+    asked = check_config({"rig": rig})
     (spec,) = (one for one in plan_sensors(asked) if one.id == "CAM")
     assert spec.attributes[name] == "true"
-    with pytest.raises(ValidationError, match=f"a carla server has no {name}"):
-        Config.model_validate({"rig": rig, "server": {"kind": "carla", "path": "/carla"}})
+    with pytest.raises(ConfigError, match=f"a carla server has no {name}"):
+        check_config({"rig": rig, "server": {"kind": "carla", "path": "/carla"}})
+
+
+@pytest.mark.parametrize("server", [{"kind": "carla", "path": "/carla"}, {"kind": "remote"}])
+@pytest.mark.parametrize("kind", ["rgb", "depth", "semantic", "instance", "normals"])
+def test_rolling_shutters_are_refused_elsewhere(server: dict[str, str], kind: str) -> None:
+    sensor = {"id": "CAM", "kind": kind, "attributes": {"rolling_shutter_s": 0.02}}
+    check_config({"rig": {"sensors": [sensor]}})
+    with pytest.raises(ConfigError, match="server has no rolling_shutter_s") as refused:
+        check_config({"server": server, "rig": {"sensors": [sensor]}})
+    assert "attributes.rolling_shutter_s" in str(refused.value)
+
+
+@pytest.mark.parametrize(("kind", "seconds"), [("flow", 0.02), ("rgb", 0.2), ("rgb", -0.01)])
+def test_rolling_shutters_that_cannot_be_are_refused(kind: str, seconds: float) -> None:
+    sensor = {"id": "CAM", "kind": kind, "attributes": {"rolling_shutter_s": seconds}}
+    with pytest.raises(ConfigError, match="rolling_shutter_s"):
+        check_config({"rig": {"sensors": [sensor]}})

@@ -74,6 +74,11 @@ def test_a_sensor_without_a_lens_is_planned_as_ever() -> None:
     [
         (camera(attributes={"fov_deg": 90.0}), "attributes.fov_deg", "says what its picture shows"),
         (camera(attributes={"lens_k": 0.1}), "attributes.lens_k", "says what its picture shows"),
+        (
+            camera(attributes={"rolling_shutter_s": 0.02}),
+            "attributes.rolling_shutter_s",
+            "not the rows of what",
+        ),
         (camera(attributes={"bloom_intensity": 0.7}), "attributes.bloom_intensity", "seams"),
         (camera(attributes={"exposure_mode": "histogram"}), "attributes.exposure_mode", "seams"),
         (camera(attachment="follow"), "attachment", "keep their places"),

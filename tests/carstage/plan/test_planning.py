@@ -152,6 +152,16 @@ def test_labelled_camera_gets_hidden_twins_of_its_pose_and_intrinsics() -> None:
     assert depth.attributes == {"image_size_x": "640", "image_size_y": "360", "fov": "90.0"}
 
 
+def test_twins_of_a_rolling_shutter_roll_alike() -> None:
+    rolling = "attributes: {rolling_shutter_s: 0.02}"
+    planned = sensors(
+        f"rig: {{sensors: [{{id: D, kind: depth}}, {{id: C, kind: rgb, {rolling}}}, "
+        f"{{id: I, kind: instance, {rolling}}}]}}"
+    )
+    assert (planned["C"].depth, planned["C"].instance) == ("C.depth", "I")
+    assert planned["C.depth"].attributes["rolling_shutter_s"] == "0.02"
+
+
 def test_requested_sensor_of_the_same_view_serves_instead_of_a_twin() -> None:
     planned = sensors(
         "rig: {sensors: [{id: D, kind: depth}, {id: C, kind: rgb}, "

@@ -42,6 +42,9 @@ _CAMERA: tuple[_Row, ...] = (
     ("lens_y_size", _F, "0.08"),
 )
 
+_ROLLING: tuple[_Row, ...] = (*_CAMERA, ("rolling_shutter_s", _F, "0.0"))
+"""Cameras whose rows may be exposed one after the other, which CARLA's cannot."""
+
 _POST_PROCESS: tuple[_Row, ...] = (
     ("enable_postprocess_effects", _B, "true"),
     ("gamma", _F, "2.2"),
@@ -207,11 +210,11 @@ _OCCUPANCY: tuple[_Row, ...] = (
 )
 
 _SENSORS: dict[str, tuple[_Row, ...]] = {
-    "sensor.camera.rgb": _CAMERA + _POST_PROCESS + _FILM,
-    "sensor.camera.depth": _CAMERA,
-    "sensor.camera.semantic_segmentation": _CAMERA,
-    "sensor.camera.instance_segmentation": _CAMERA,
-    "sensor.camera.normals": _CAMERA,
+    "sensor.camera.rgb": _ROLLING + _POST_PROCESS + _FILM,
+    "sensor.camera.depth": _ROLLING,
+    "sensor.camera.semantic_segmentation": _ROLLING,
+    "sensor.camera.instance_segmentation": _ROLLING,
+    "sensor.camera.normals": _ROLLING,
     "sensor.camera.optical_flow": _CAMERA,
     "sensor.camera.cosmos_visualization": _CAMERA,
     "sensor.camera.dvs": _CAMERA + _POST_PROCESS + _DVS,

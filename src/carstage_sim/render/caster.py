@@ -30,7 +30,8 @@ _FEWEST_PACKETS = 4
 for many threads."""
 _PARTS_PER_THREAD = 8
 """Parts of a pass, if there are enough: the last ones are done while other threads wait."""
-_SQUARE = 8
+SQUARE = 8
+"""Pixels along each side of a square whose rays run side by side."""
 _PIECES = 16
 """Of a pass that gives way to others in between."""
 
@@ -74,9 +75,9 @@ def picture_packets(width: int, height: int) -> Packets:
     """The rays of a picture's pixels, row by row, in squares of 8 by 8."""
     number = np.arange(width * height, dtype=np.int32).reshape(height, width)
     squares = [
-        number[y : y + _SQUARE, x : x + _SQUARE].ravel()
-        for y in range(0, height, _SQUARE)
-        for x in range(0, width, _SQUARE)
+        number[y : y + SQUARE, x : x + SQUARE].ravel()
+        for y in range(0, height, SQUARE)
+        for x in range(0, width, SQUARE)
     ]
     starts = np.zeros(len(squares) + 1, np.int32)
     np.cumsum([len(square) for square in squares], out=starts[1:])

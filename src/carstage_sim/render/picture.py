@@ -18,7 +18,7 @@ from carstage_sim.render.caster import (
 )
 from carstage_sim.render.crew import for_workers
 from carstage_sim.render.edges import rough_pixels
-from carstage_sim.render.film import Film, develop, develop_means, film_codes
+from carstage_sim.render.film import Film, develop_means, film_codes
 from carstage_sim.render.lending import aim_again, extra_rays, lent, mixed
 from carstage_sim.render.materials import material_table
 from carstage_sim.render.motion import earlier_places, no_motion
@@ -32,6 +32,10 @@ from carstage_sim.render.shared_kernels import share_shade_packets
 from carstage_sim.render.sky import Lighting, SkyModel
 from carstage_sim.world.debug_shapes import DebugShapes
 from carstage_sim.world.state import Weather
+
+_EDGES = 1024
+"""Pixels with more rays per piece of work."""
+_NO_FILM = np.empty(0, np.uint8), np.empty((0, 4), np.uint8)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +88,8 @@ class PictureMaker:
         origin, rays = hits.origin.astype(np.float64), hits.directions
         self._caster.cast(frame.scene, origin, rays, low=0.1, high=1000.0)
         self._caster.cast_together(frame.scene, origin, rays, packets, low=0.1, high=1000.0)
-        self._shade(frame, hits, packets, -1, 1e-3, light, colours)
+        film = film_codes(Film().gamma), np.empty((2, 4), np.uint8)
+        self._shade(frame, hits, packets, -1, 1e-3, light, colours, film)
 
     def warm_up(self, store: SceneStore) -> None:
         """Compile, or load, all other kernels of pictures: of building, sampling, developing."""
@@ -112,7 +117,6 @@ class PictureMaker:
             middle, packets, colours.copy(),
         )  # fmt: skip
         nothing = np.zeros((2, 3), np.float32)
-        self._develop(film, nothing, pixels)
         self._develop_means(film, nothing, nothing, np.arange(2, dtype=np.int32), pixels)
         line = np.array([[[2.0, 0.0, 0.0], [2.0, 1.0, 0.0]]])
         draw_shapes(
@@ -130,8 +134,12 @@ class PictureMaker:
         pixel_angle: float,
         light: Lighting,
         colours: NDArray[np.float32],
+        film: tuple[NDArray[np.uint8], NDArray[np.uint8]] = _NO_FILM,
     ) -> None:
-        """Fill in the colours of rays; no others are looked at."""
+        """Fill in the colours of rays; no others are looked at.
+
+        With a film's codes and ``(N, 4)`` uint8 BGRA pixels these are developed, too.
+        """
         shaded = ShadedFrame(
             frame.scene, frame.static, frame.actors, frame.appearance, frame.colour,
             frame.light_state, self._materials, light, frame.lamps,
@@ -142,7 +150,8 @@ class PictureMaker:
         )  # fmt: skip
 
         data = (
-            self._scratch, shaded, rays, self._epic, packets.order, packets.starts, colours
+            self._scratch, shaded, rays, self._epic, packets.order, packets.starts, colours,
+            *film,
         )  # fmt: skip
         self._caster.in_packets(share_shade_packets, data, packets)
 
@@ -159,13 +168,16 @@ class PictureMaker:
         light = picture.film.exposed(light)
         colours = np.empty((picture.width * picture.height, 3), np.float32)
         whole = picture_packets(picture.width, picture.height)
-        self._shade(frame, picture.hits, whole, picture.skip_row, angle, light, colours)
         pixels = np.empty((picture.height, picture.width, 4), np.uint8)
-        self._develop(picture.film, colours, pixels)
+        codes = film_codes(picture.film.gamma)
+        self._shade(
+            frame, picture.hits, whole, picture.skip_row, angle, light, colours,
+            (codes, pixels.reshape(-1, 4)),
+        )  # fmt: skip
         places = self._sampling.offsets
         rough = rough_pixels(
             self._caster, frame, self._materials.detail, picture.hits, pixels, self._sampling,
-            (film_codes(picture.film.gamma), colours),
+            (codes, colours),
         )  # fmt: skip
         edges = rough.pixels
         if len(edges):
@@ -179,7 +191,7 @@ class PictureMaker:
             if self._epic:
                 every = np.ones(len(rays), np.bool_)
                 aim = picture.hits.directions, edges, offsets, every, rays
-                self._caster.in_parts(aim_again, aim, len(edges))
+                self._caster.in_parts(aim_again, aim, len(edges), _EDGES)
             else:
                 packets = mixed(
                     self._caster, frame, self._materials.detail, picture.hits, size, colours,
@@ -204,10 +216,6 @@ class PictureMaker:
             _draw(picture.shapes, picture, pixels[..., 2::-1])
         return pixels
 
-    def _develop(self, film: Film, colours: NDArray[np.float32], pixels: NDArray[np.uint8]) -> None:
-        data = film_codes(film.gamma), colours, pixels.reshape(-1, 4)
-        self._caster.in_parts(develop, data, len(colours))
-
     def _develop_means(
         self,
         film: Film,
@@ -217,7 +225,7 @@ class PictureMaker:
         pixels: NDArray[np.uint8],
     ) -> None:
         data = film_codes(film.gamma), colours, again, edges, pixels.reshape(-1, 4)
-        self._caster.in_parts(develop_means, data, len(edges))
+        self._caster.in_parts(develop_means, data, len(edges), _EDGES)
 
 
 def _nothing_met() -> tuple[Hits, Packets]:

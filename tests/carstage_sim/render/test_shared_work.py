@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from carstage_sim.kernels import device, kernel
 from carstage_sim.render.caster import Packets, RayCaster
-from carstage_sim.render.crew import CALLS, Crew, add, do, for_workers, load
+from carstage_sim.render.crew import CALLS, Crew, add, do, do_step, for_workers, load
 from carstage_sim.render.sharing import Team
 from driving import wait_for
 
@@ -105,6 +105,41 @@ def test_many_jobs_of_several_callers_are_all_done(crew: Crew) -> None:
     for caller in callers:
         caller.join()
     assert len(wrong) == 6000
+    assert not any(wrong)
+
+
+@device
+def _next_part(before, after, reach, worker, first, last):  # type: ignore[no-untyped-def]
+    for number in range(first, last):
+        after[number] = before[(number + reach) % len(before)] + 1
+
+
+@kernel
+def _in_steps(data, board, job, work):  # type: ignore[no-untyped-def]
+    one, other, reach = data
+    do(_next_part, (one, other, reach), board, job, work)
+    for _ in range(2):
+        do_step(_next_part, (other, one, reach), board, job, work, 1, len(one), 3)
+        do_step(_next_part, (one, other, reach), board, job, work, 2, len(one), 5)
+
+
+def test_steps_of_one_call_begin_when_those_before_are_done(crew: Crew) -> None:
+    """Each reads what others of the step before wrote; many callers use the rows in turn."""
+    wrong: list[int] = []
+
+    def ask(count: int) -> None:
+        for turn in range(200):
+            one, other = np.zeros(count, np.int64), np.zeros(count, np.int64)
+            with crew.job(0, count, 2) as (job, work):
+                _in_steps((one, other, turn), crew.board, job, work)
+            wrong.append(int((one != 4).sum() + (other != 5).sum()))
+
+    callers = [threading.Thread(target=ask, args=(number,)) for number in range(60, 80)]
+    for caller in callers:
+        caller.start()
+    for caller in callers:
+        caller.join()
+    assert len(wrong) == 4000
     assert not any(wrong)
 
 

@@ -17,12 +17,9 @@ from carstage_sim.render.cast import Scene, new_scratch
 from carstage_sim.render.crew import Crew, Shared, for_workers
 from carstage_sim.render.packets import new_packet_scratch
 from carstage_sim.render.shared_kernels import share_cast_packets, share_cast_rays
-from carstage_sim.render.sharing import Team
 
 _BAND = 8192
 """Pixels of a band: small enough to balance, large enough to hide the call."""
-WIDE_BAND = 1 << 16
-"""As :data:`_BAND`, where a pixel takes a few nanoseconds: threads come one by one for bands."""
 _RAYS, _PACKETS = 256, 16
 """Rays, and groups of them, that a kernel takes at a time."""
 _FEWEST_PACKETS = 4
@@ -101,7 +98,6 @@ class RayCaster:
         """Rays cast so far; those that shading sends to the sun and the sky are not counted."""
         self._lock = threading.Lock()
         self._between: Callable[[], None] | None = None
-        self._team = Team(self.threads, "bands")
         self.crew = Crew(self.threads, "rays")
         """Does what :meth:`in_parts` and :meth:`in_packets` hand it."""
         self._scratch = for_workers(self.crew, new_scratch())
@@ -109,7 +105,6 @@ class RayCaster:
 
     def close(self) -> None:
         """End the threads."""
-        self._team.close()
         self.crew.close()
 
     @contextmanager
@@ -131,16 +126,6 @@ class RayCaster:
     def _count(self, rays: int) -> None:
         with self._lock:
             self.ray_count += rays
-
-    def in_bands(self, count: int, work: Callable[[int, int], None], band: int = _BAND) -> None:
-        """Call ``work(first, last)`` on bands that cover ``range(count)``; returns when all ran."""
-        begins = iter(range(0, count, band))
-
-        def share() -> None:
-            for first in begins:  # which the threads share: each takes the next
-                work(first, min(first + band, count))
-
-        self._team.do(share, -(-count // band), joined=True)
 
     def in_parts(
         self, shared: Shared, data: tuple[Any, ...], count: int, size: int = _BAND

@@ -21,7 +21,7 @@ from carstage_sim.render.edges import rough_pixels
 from carstage_sim.render.film import Film, develop_means, film_codes
 from carstage_sim.render.lending import aim_again, extra_rays, lent, mixed
 from carstage_sim.render.materials import material_table
-from carstage_sim.render.motion import earlier_places, no_motion
+from carstage_sim.render.motion import flow_of_motions, no_motion
 from carstage_sim.render.normals import smooth_normals
 from carstage_sim.render.overlay import draw_shapes
 from carstage_sim.render.packet_shading import new_shade_scratch
@@ -103,8 +103,10 @@ class PictureMaker:
             colours.copy(),
         )  # fmt: skip
         smooth_normals(self._caster, frame, hits)
-        nowhere = (np.zeros(2), np.zeros(2))
-        earlier_places(no_motion(0), hits, nowhere, (1.0, 1.0), 0, 2)
+        nowhere, flow, before = np.zeros(2), np.empty((2, 2), np.float32), np.empty((2, 0))
+        met = hits.row, hits.triangle, hits.weights, hits.t
+        still = no_motion(0), *met, nowhere, nowhere, 1.0, 1.0, before, flow
+        self._caster.in_parts(flow_of_motions, still, 2)
         film, pixels = Film(), np.zeros((1, 2, 4), np.uint8)
         rough_pixels(
             self._caster, frame, self._materials.detail, hits, pixels, SAMPLING[Quality.LOW]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.render.cast import NOTHING, STATIC, Scene
-from carstage_sim.render.caster import WIDE_BAND, Hits, RayCaster, picture_packets
+from carstage_sim.render.caster import Hits, RayCaster, picture_packets
 from carstage_sim.render.crew import Shared
 from carstage_sim.render.film import Film
 from carstage_sim.render.gpu.camera import GpuCameras, Pending, Product, Shot
@@ -157,9 +157,10 @@ class View:
         self._made: dict[tuple[Camera, Film, Product], NDArray[np.uint8]] = {}
         self.cast_count = 0
 
-    def in_bands(self, count: int, work: Callable[[int, int], None]) -> None:
-        """Call ``work(first, last)`` on bands of pixels, in several threads."""
-        self._caster.in_bands(count, work, WIDE_BAND)
+    @property
+    def threads(self) -> int:
+        """How many compute."""
+        return self._caster.threads
 
     def in_parts(self, shared: Shared, data: tuple[Any, ...], count: int) -> None:
         """Have a kernel cover a number of pixels, in several threads."""

@@ -18,7 +18,7 @@ from carstage_sim.render.crew import Crew, Shared, for_workers
 from carstage_sim.render.packets import new_packet_scratch
 from carstage_sim.render.shared_kernels import share_cast_packets, share_cast_rays
 
-_BAND = 8192
+BAND = 8192
 """Pixels of a band: small enough to balance, large enough to hide the call."""
 _RAYS, _PACKETS = 256, 16
 """Rays, and groups of them, that a kernel takes at a time."""
@@ -127,9 +127,7 @@ class RayCaster:
         with self._lock:
             self.ray_count += rays
 
-    def in_parts(
-        self, shared: Shared, data: tuple[Any, ...], count: int, size: int = _BAND
-    ) -> None:
+    def in_parts(self, shared: Shared, data: tuple[Any, ...], count: int, size: int = BAND) -> None:
         """Have the crew do ``range(count)``, in parts of a size; returns when all is done.
 
         Args:

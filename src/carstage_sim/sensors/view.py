@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.render.cast import NOTHING, STATIC, Scene
-from carstage_sim.render.caster import Hits, RayCaster, picture_packets
+from carstage_sim.render.caster import BAND, Hits, RayCaster, picture_packets
 from carstage_sim.render.crew import Shared
 from carstage_sim.render.film import Film
 from carstage_sim.render.gpu.camera import GpuCameras, Pending, Product, Shot
@@ -162,9 +162,9 @@ class View:
         """How many compute."""
         return self._caster.threads
 
-    def in_parts(self, shared: Shared, data: tuple[Any, ...], count: int) -> None:
-        """Have a kernel cover a number of pixels, in several threads."""
-        self._caster.in_parts(shared, data, count)
+    def in_parts(self, shared: Shared, data: tuple[Any, ...], count: int, size: int = BAND) -> None:
+        """Have a kernel cover a number of pixels, in several threads, so many at a time."""
+        self._caster.in_parts(shared, data, count, size)
 
     @property
     def frame(self) -> Frame:

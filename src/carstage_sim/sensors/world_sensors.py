@@ -116,7 +116,7 @@ class WorldSensors:
                 those.
         """
         self._pictures.warm_up(self._store)
-        lidar.warm_up()
+        lidar.warm_up(self._caster.in_parts)
         frame = self._store.frame([])
         await_rays()
         self._pictures.warm_up_rays(self._store)

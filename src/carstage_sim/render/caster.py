@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +65,23 @@ class Packets:
 
     order: NDArray[np.int32]
     starts: NDArray[np.int32]
+
+
+class Slopes(NamedTuple):
+    """Slopes of a camera's rays, whose component along the optical axis is 1.
+
+    Attributes:
+        rotation: ``(3, 3)`` float64 world_from_camera.
+        right, up: ``(N,)`` float64 of each ray.
+    """
+
+    rotation: NDArray[np.float64]
+    right: NDArray[np.float64]
+    up: NDArray[np.float64]
+
+
+AIMED = Slopes(np.eye(3), np.empty(0), np.empty(0))
+"""Of rays that have directions."""
 
 
 @lru_cache(maxsize=16)
@@ -201,6 +218,7 @@ class RayCaster:
         low: float,
         high: float,
         skip_row: int = -1,
+        slopes: Slopes = AIMED,
     ) -> Hits:
         """As :meth:`cast`, with the same result, faster for rays that run side by side.
 
@@ -208,6 +226,7 @@ class RayCaster:
             scene, directions, low, high, skip_row: as for :meth:`cast`.
             origin: ``(3,)`` world metres.
             packets: which rays do.
+            slopes: give, and write, the directions; without any these are known.
         """
         hits = unwritten_hits(origin, directions)
         self._count(len(packets.order))
@@ -215,7 +234,7 @@ class RayCaster:
         data = (
             self._packet_scratch, scene, hits.origin, hits.directions, packets.order,
             packets.starts, np.float32(low), np.float32(high), skip_row,
-            hits.t, hits.row, hits.triangle, hits.weights,
+            hits.t, hits.row, hits.triangle, hits.weights, *slopes,
         )  # fmt: skip
         self.in_packets(share_cast_packets, data, packets)
         return hits

@@ -12,6 +12,7 @@ from carstage_sim.render.crew import do
 from carstage_sim.render.film import develop
 from carstage_sim.render.packet_shading import shade_packets, shade_scratch_of
 from carstage_sim.render.packets import cast_packets, packet_scratch_of
+from carstage_sim.render.pixel_kernels import aim_ray
 
 
 @device
@@ -34,8 +35,11 @@ def share_cast_rays(data, board, job, work):  # type: ignore[no-untyped-def]
 @device
 def _cast_packets_part(  # type: ignore[no-untyped-def]
     memory, scene, origin, directions, order, starts, low, high, skip, t, row, triangle, weights,
-    worker, first, last,
+    rotation, right, up, worker, first, last,
 ):  # fmt: skip
+    if right.shape[0]:
+        for place in range(starts[first], starts[last]):
+            aim_ray(rotation, right, up, order[place], directions)
     cast_packets(
         scene, packet_scratch_of(memory, worker), origin, directions, order, starts, low, high,
         skip, first, last, t, row, triangle, weights,
@@ -44,7 +48,10 @@ def _cast_packets_part(  # type: ignore[no-untyped-def]
 
 @kernel
 def share_cast_packets(data, board, job, work):  # type: ignore[no-untyped-def]
-    """As :func:`carstage_sim.render.packets.cast_packets`."""
+    """As :func:`carstage_sim.render.packets.cast_packets`; rays with slopes are aimed before.
+
+    The last of the data are a :class:`carstage_sim.render.caster.Slopes`.
+    """
     do(_cast_packets_part, data, board, job, work)
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.render.cast import NOTHING, STATIC, Scene
-from carstage_sim.render.caster import BAND, Hits, RayCaster, picture_packets
+from carstage_sim.render.caster import BAND, Hits, RayCaster, Slopes, picture_packets
 from carstage_sim.render.crew import Shared
 from carstage_sim.render.film import Film
 from carstage_sim.render.gpu.camera import GpuCameras, Pending, Product, Shot
@@ -24,7 +24,6 @@ from carstage_sim.render.normals import smooth_normals
 from carstage_sim.render.picture import Picture, PictureMaker
 from carstage_sim.render.pixel_kernels import (
     FAR_M,
-    InParts,
     hit_ids,
     hit_tags,
     in_one,
@@ -85,19 +84,20 @@ def _slope_pairs(width: int, height: int, fov_deg: float, lens: Lens) -> NDArray
     return np.stack(_pixel_slopes(width, height, fov_deg, lens), axis=1)
 
 
-def pixel_rays(camera: Camera, in_parts: InParts = in_one) -> NDArray[np.float32]:
+def camera_slopes(camera: Camera) -> Slopes:
+    """Slopes of the rays through the pixel centres, row by row."""
+    right, up = _pixel_slopes(camera.width, camera.height, camera.fov_deg, camera.lens)
+    return Slopes(np.ascontiguousarray(rotation_matrix(camera.rotation_deg)), right, up)
+
+
+def pixel_rays(camera: Camera) -> NDArray[np.float32]:
     """``(H * W, 3)`` float32 world directions through the pixel centres, row by row.
 
     Their component along the optical axis is 1, so a ray's parameter is the depth.
-
-    Args:
-        camera: who looks.
-        in_parts: does the work, perhaps in several threads.
     """
-    right, up = _pixel_slopes(camera.width, camera.height, camera.fov_deg, camera.lens)
-    rotation = np.ascontiguousarray(rotation_matrix(camera.rotation_deg))
-    rays = np.empty((len(right), 3), np.float32)
-    in_parts(ray_directions, (rotation, right, up, rays), len(rays))
+    slopes = camera_slopes(camera)
+    rays = np.empty((len(slopes.right), 3), np.float32)
+    in_one(ray_directions, (*slopes, rays), len(rays))
     return rays
 
 
@@ -268,14 +268,16 @@ class View:
 
     def _cast(self, camera: Camera) -> Hits:
         self._count_cast()
+        slopes = camera_slopes(camera)
         return self._caster.cast_together(
             self.frame.scene,
             np.asarray(camera.location),
-            pixel_rays(camera, self.in_parts),
+            np.empty((len(slopes.right), 3), np.float32),
             picture_packets(camera.width, camera.height),
             low=NEAR_M,
             high=FAR_M,
             skip_row=self.skipped_row(camera.owner_id, camera.location),
+            slopes=slopes,
         )
 
     def announce(self, camera: Camera, product: Product, film: Film = _USUAL_FILM) -> None:

@@ -323,6 +323,7 @@ class Server:
         if drawn is not None:
             self._undrawn.append(drawn)
             drawn.add_done_callback(lambda _: self._rpc.wake())
+            self._simulation.let_drawing_begin()
         # While the other thread draws, which the next tick waits for.
         for captured in self._simulation.measure(scene):
             publish(captured)

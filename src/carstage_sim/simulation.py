@@ -7,6 +7,7 @@ the world can go on meanwhile; nothing here knows sockets or bytes.
 from __future__ import annotations
 
 import logging
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -48,6 +49,8 @@ _LONGEST_STEP_S = 0.1
 _MOST_OWED_S = 1.0
 """Wall time that a late world makes up for by longer steps; what is beyond is lost."""
 _STANDARD_GRAVITY = 9.81
+_MOST_WAIT_S = 0.005
+"""How long the world's thread leaves Python's lock to the one that begins to draw."""
 _MOST_MISSED = 1024
 """Frames that sensors hear of later because pictures are drawn; older ones are forgotten."""
 
@@ -150,6 +153,7 @@ class Simulation:
         self._wet_grip = wet_grip
         self._watched_before = False
         self._drawing = DrawingThread()
+        self._begun = threading.Event()
         self._missed: deque[Scene] = deque(maxlen=_MOST_MISSED)
         self._stepped_at_s = time.monotonic()
         self._source = self.maps.source(town_name)
@@ -332,7 +336,9 @@ class Simulation:
         Returns:
             What is done when all is published that is not late; None where nothing is drawn.
         """
+        begun = self._begun = threading.Event()
         if self._drawing.busy and (late_turn is None or not scene.looking):
+            begun.set()
             self._missed.append(scene)
             return None
         missed = tuple(self._missed)
@@ -345,7 +351,7 @@ class Simulation:
             give_way: Callable[[], None] | None = None,
         ) -> None:
             with sensors.giving_way(scene.state, give_way):
-                for sensor_id, frame in sensors.frames_of(scene.state, due):
+                for sensor_id, frame in sensors.frames_of(scene.state, due, begun.set):
                     publish(CapturedFrame(*scene.watched[sensor_id], frame))
 
         def draw_late(one: tuple[SensorRequest, Sensor], turn: LateTurn) -> None:
@@ -371,6 +377,7 @@ class Simulation:
             except Exception:
                 logger.exception("sensors of frame %d failed", scene.state.frame)
             finally:
+                begun.set()
                 for turn in waiting.values():
                     turn.end()
 
@@ -378,6 +385,13 @@ class Simulation:
             drawn()
             return None
         return self._drawing.submit(drawn)
+
+    def let_drawing_begin(self) -> None:
+        """Wait, a few milliseconds at most, until what :meth:`draw` began is with the threads.
+
+        What is left to do here would take Python's lock from the thread that hands it to them.
+        """
+        self._begun.wait(_MOST_WAIT_S)
 
     def hold_late_drawing(self, *, held: bool) -> None:
         """Whether no more late data are begun to be drawn for now; see :meth:`draw`."""

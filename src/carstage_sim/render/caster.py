@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +19,9 @@ from carstage_sim.render.packet_simd import PACKET
 from carstage_sim.render.packets import new_packet_scratch
 from carstage_sim.render.rolling import Rows
 from carstage_sim.render.shared_kernels import share_cast_packets, share_cast_rays
-from carstage_sim.render.sharing import Team
 
-_BAND = 8192
+BAND = 8192
 """Pixels of a band: small enough to balance, large enough to hide the call."""
-WIDE_BAND = 1 << 16
-"""As :data:`_BAND`, where a pixel takes a few nanoseconds: threads come one by one for bands."""
 _RAYS, _PACKETS = 256, 16
 """Rays, and groups of them, that a kernel takes at a time."""
 _FEWEST_PACKETS = 4
@@ -32,7 +29,8 @@ _FEWEST_PACKETS = 4
 for many threads."""
 _PARTS_PER_THREAD = 8
 """Parts of a pass, if there are enough: the last ones are done while other threads wait."""
-_SQUARE = 8
+SQUARE = 8
+"""Pixels along each side of a square whose rays run side by side."""
 _PIECES = 16
 """Of a pass that gives way to others in between."""
 
@@ -71,14 +69,31 @@ class Packets:
     starts: NDArray[np.int32]
 
 
+class Slopes(NamedTuple):
+    """Slopes of a camera's rays, whose component along the optical axis is 1.
+
+    Attributes:
+        rotation: ``(3, 3)`` float64 world_from_camera.
+        right, up: ``(N,)`` float64 of each ray.
+    """
+
+    rotation: NDArray[np.float64]
+    right: NDArray[np.float64]
+    up: NDArray[np.float64]
+
+
+AIMED = Slopes(np.eye(3), np.empty(0), np.empty(0))
+"""Of rays that have directions."""
+
+
 @lru_cache(maxsize=16)
 def picture_packets(width: int, height: int) -> Packets:
     """The rays of a picture's pixels, row by row, in squares of 8 by 8."""
     number = np.arange(width * height, dtype=np.int32).reshape(height, width)
     squares = [
-        number[y : y + _SQUARE, x : x + _SQUARE].ravel()
-        for y in range(0, height, _SQUARE)
-        for x in range(0, width, _SQUARE)
+        number[y : y + SQUARE, x : x + SQUARE].ravel()
+        for y in range(0, height, SQUARE)
+        for x in range(0, width, SQUARE)
     ]
     starts = np.zeros(len(squares) + 1, np.int32)
     np.cumsum([len(square) for square in squares], out=starts[1:])
@@ -121,7 +136,6 @@ class RayCaster:
         """Rays cast so far; those that shading sends to the sun and the sky are not counted."""
         self._lock = threading.Lock()
         self._between: Callable[[], None] | None = None
-        self._team = Team(self.threads, "bands")
         self.crew = Crew(self.threads, "rays")
         """Does what :meth:`in_parts` and :meth:`in_packets` hand it."""
         self._scratch = for_workers(self.crew, new_scratch())
@@ -129,7 +143,6 @@ class RayCaster:
 
     def close(self) -> None:
         """End the threads."""
-        self._team.close()
         self.crew.close()
 
     @contextmanager
@@ -152,19 +165,7 @@ class RayCaster:
         with self._lock:
             self.ray_count += rays
 
-    def in_bands(self, count: int, work: Callable[[int, int], None], band: int = _BAND) -> None:
-        """Call ``work(first, last)`` on bands that cover ``range(count)``; returns when all ran."""
-        begins = iter(range(0, count, band))
-
-        def share() -> None:
-            for first in begins:  # which the threads share: each takes the next
-                work(first, min(first + band, count))
-
-        self._team.do(share, -(-count // band), joined=True)
-
-    def in_parts(
-        self, shared: Shared, data: tuple[Any, ...], count: int, size: int = _BAND
-    ) -> None:
+    def in_parts(self, shared: Shared, data: tuple[Any, ...], count: int, size: int = BAND) -> None:
         """Have the crew do ``range(count)``, in parts of a size; returns when all is done.
 
         Args:
@@ -238,6 +239,7 @@ class RayCaster:
         low: float,
         high: float,
         skip_row: int = -1,
+        slopes: Slopes = AIMED,
     ) -> Hits:
         """As :meth:`cast`, with the same result, faster for rays that run side by side.
 
@@ -245,9 +247,10 @@ class RayCaster:
             scene, directions, low, high, skip_row: as for :meth:`cast`.
             origin: ``(3,)`` world metres.
             packets: which rays do.
+            slopes: give, and write, the directions; without any these are known.
         """
         hits = unwritten_hits(origin, directions)
-        self._meet(scene, hits.origin, packets, (low, high, skip_row), hits)
+        self._meet(scene, hits.origin, packets, (low, high, skip_row), hits, slopes)
         return hits
 
     def cast_rows(
@@ -284,6 +287,7 @@ class RayCaster:
         packets: Packets,
         within: tuple[float, float, int],
         hits: Hits,
+        slopes: Slopes = AIMED,
     ) -> None:
         """Write what rays from a place meet; ``within``: low, high and skip_row of a cast."""
         low, high, skip_row = within
@@ -291,7 +295,7 @@ class RayCaster:
         data = (
             self._packet_scratch, scene, origin, hits.directions, packets.order,
             packets.starts, np.float32(low), np.float32(high), skip_row,
-            hits.t, hits.row, hits.triangle, hits.weights,
+            hits.t, hits.row, hits.triangle, hits.weights, *slopes,
         )  # fmt: skip
         self.in_packets(share_cast_packets, data, packets)
 

@@ -2,7 +2,8 @@
 
 Each thread runs one compiled loop (:func:`_serve`) for all its life: it takes the next part of the
 job that comes first, and sleeps in the kernel of Linux (``futex``) while there is none. A compiled
-function hands a job in by :func:`do`, and returns when all parts are done.
+function hands a job in by :func:`do`, and goes on when all parts are done; :func:`do_step` hands in
+a further one.
 With 16 threads that wake one after the other to take Python's lock, each pass over a picture would
 begin two milliseconds late.
 """
@@ -52,6 +53,8 @@ there are; the items they begin with, end with, and have each; where its code an
 many parts are done; its rank."""
 _NUMBER_BITS = 32
 _MOST_PARTS = 1 << 31
+_MOST_STEPS = 8
+"""Jobs that one call of a kernel may hand in, one after the other."""
 _CACHE_LINES = 128
 """Bytes between what two threads write."""
 
@@ -211,16 +214,17 @@ def _call_all(board):  # type: ignore[no-untyped-def]
 
 
 @device
-def together(board, job, work, code, data):  # type: ignore[no-untyped-def]
+def together(board, job, items, rank, number, code, data):  # type: ignore[no-untyped-def]
     """Have the crew do a job; returns when all of it is done.
 
     Args:
         board: the crew's; an empty one has the caller do all.
         job: the crew's row for it, from :meth:`Crew.job`.
-        work: its items and rank, from there, too.
+        items: the first of them, their end, and how many a part has, as there.
+        rank, number: from there, too; no two jobs that follow in a row have the same number.
         code, data: from :func:`handed`.
     """
-    first, count, size, rank, number = work[0], work[1], work[2], work[3], work[4]
+    first, count, size = items
     parts = (count - first + size - 1) // size
     if parts <= 0:
         return
@@ -279,7 +283,18 @@ def do(part, data, board, job, work):  # type: ignore[no-untyped-def]
         board, job, work: as for :func:`together`.
     """
     code, place = handed(part, data)
-    together(board, job, work, code, place)
+    together(board, job, (work[0], work[1], work[2]), work[3], work[4], code, place)
+
+
+@inlined
+def do_step(part, data, board, job, work, step, count, size):  # type: ignore[no-untyped-def]
+    """As :func:`do`, in the same call of a kernel, of ``range(count)`` in parts of a size.
+
+    Several passes of one call need Python's lock once. ``step`` is 1 for the first that follows
+    :func:`do`, and one more for each other, 6 at most.
+    """
+    code, place = handed(part, data)
+    together(board, job, (0, count, size), work[3], work[4] + step, code, place)
 
 
 Shared: TypeAlias = Callable[[tuple[Any, ...], NDArray[np.int64], int, NDArray[np.int64]], None]
@@ -346,7 +361,7 @@ class Crew:
 
     @contextmanager
     def job(self, first: int, count: int, size: int) -> Iterator[tuple[int, NDArray[np.int64]]]:
-        """Room for a job in the block: its row, and what :func:`together` is to know of it.
+        """Room for a job in the block: its row, and what :func:`do` is to know of it.
 
         Args:
             first, count: its items are ``range(first, count)``.
@@ -355,8 +370,8 @@ class Crew:
         with self._room:
             with self._lock:
                 row = self._free.pop()
-                self._numbers = self._numbers % (_MOST_PARTS - 1) + 1
-                number = self._numbers
+                self._numbers = (self._numbers + _MOST_STEPS) % _MOST_PARTS
+                number = self._numbers + 1  # the steps that follow have those after it
             try:
                 rank = getattr(self._rank, "value", 0)
                 yield row, np.array([first, count, size, rank, number], np.int64)

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.kernels import device, kernel
-from carstage_sim.render.caster import Hits, RayCaster, picture_packets
-from carstage_sim.render.crew import do
+from carstage_sim.render.caster import SQUARE, Hits, RayCaster, picture_packets
+from carstage_sim.render.crew import do, do_step
 from carstage_sim.render.film import EVEN, develop_even
 from carstage_sim.render.packet_simd import PACKET
 from carstage_sim.render.quality import Sampling
@@ -25,6 +25,8 @@ from carstage_sim.render.vector_code import LANES, pixels_apart
 
 _BAND = 8192
 """Pixels per piece of work, in whole rows."""
+_SQUARES = 128
+"""Squares of pixels per piece of work."""
 _BENT = np.float32(0.9)
 """Cosine between the normals of two neighbours below which they show different sides."""
 _MOTTLED = 5
@@ -160,12 +162,6 @@ def _mark_part(  # type: ignore[no-untyped-def]
             leaf[i] = _leaf_at(static, actors, detail, row, triangle, i)
 
 
-@kernel
-def _mark_rough(data, board, job, work):  # type: ignore[no-untyped-def]
-    """Mark pixels of rows, and those right below; find which show leaves, if that is wanted."""
-    do(_mark_part, data, board, job, work)
-
-
 @device
 def _find_even(row, triangle, leaf, width, height, first, last, marked):  # type: ignore[no-untyped-def]
     """Mark those rough pixels of some rows for which what is around them does."""
@@ -178,39 +174,73 @@ def _find_even(row, triangle, leaf, width, height, first, last, marked):  # type
 
 @device
 def _even_part(  # type: ignore[no-untyped-def]
-    row, triangle, leaf, film, colours, pixels, marked, worker, first, last
+    row, triangle, leaf, film, colours, pixels, marked, places, worker, first, last
 ):
+    """Find, and develop, the even pixels of some rows of squares; count the rough ones."""
     height, width = pixels.shape[0], pixels.shape[1]
-    _find_even(row, triangle, leaf, width, height, first, last, marked)
-    if colours.shape[0]:
-        flat = pixels.reshape(-1, 4)
-        develop_even(film, colours, marked, width, first * width, last * width, flat)
+    above, below = first * SQUARE, min(last * SQUARE, height)
+    if leaf.shape[0]:
+        _find_even(row, triangle, leaf, width, height, above, below, marked)
+        if colours.shape[0]:
+            flat = pixels.reshape(-1, 4)
+            develop_even(film, colours, marked, width, above * width, below * width, flat)
+    across = (width + SQUARE - 1) // SQUARE
+    for square in range(first * across, last * across):
+        x, y = square % across * SQUARE, square // across * SQUARE
+        count = 0
+        for v in range(y, min(y + SQUARE, height)):
+            for i in range(v * width + x, v * width + min(x + SQUARE, width)):
+                count += marked[i] == _ROUGH
+        places[square, 0] = count
 
 
-@kernel
-def _find_and_develop_even(data, board, job, work):  # type: ignore[no-untyped-def]
-    """Mark even pixels of rows; develop them, if there are colours."""
-    do(_even_part, data, board, job, work)
-
-
-@kernel
-def _gather(marked, order, starts, room, edges, begins):  # type: ignore[no-untyped-def]
-    """Numbers of the marked pixels, square after square, in groups of at most ``room``."""
+@device
+def _place(places, room, begins):  # type: ignore[no-untyped-def]
+    """Turn counts of squares into where their pixels and groups go; the sums come last."""
     count, groups = 0, 0
-    begins[0] = 0
-    for square in range(starts.shape[0] - 1):
+    squares = places.shape[0] - 1
+    for square in range(squares):
+        here = places[square, 0]
+        places[square, 0], places[square, 1] = count, groups
+        count += here
+        groups += (here + room - 1) // room
+    places[squares, 0], places[squares, 1] = count, groups
+    begins[groups] = count
+
+
+@device
+def _gather_part(  # type: ignore[no-untyped-def]
+    marked, order, starts, room, places, edges, begins, worker, first, last
+):
+    """Numbers of the rough pixels of some squares, in groups of at most ``room``."""
+    for square in range(first, last):
+        at, group = places[square, 0], places[square, 1]
+        if places[square + 1, 0] == at:
+            continue
+        left = 0
         for place in range(starts[square], starts[square + 1]):
             if marked[order[place]] != _ROUGH:
                 continue
-            if count - begins[groups] == room:
-                groups += 1
-                begins[groups] = count
-            edges[count] = order[place]
-            count += 1
-        if count > begins[groups]:
-            groups += 1
-            begins[groups] = count
-    return count, groups
+            if not left:
+                begins[group] = at
+                group, left = group + 1, room
+            edges[at] = order[place]
+            at, left = at + 1, left - 1
+
+
+@kernel
+def _find_rough(data, board, job, work):  # type: ignore[no-untyped-def]
+    """Mark pixels, find those that are even, and gather those that are rough.
+
+    The data are those of the three parts, and the items are the rows.
+    """
+    marking, even, gathering = data
+    do(_mark_part, marking, board, job, work)
+    rows = (work[1] + SQUARE - 1) // SQUARE
+    do_step(_even_part, even, board, job, work, 1, rows, max(work[2] // SQUARE, 1))
+    room, places, begins = gathering[3], gathering[4], gathering[6]
+    _place(places, room, begins)
+    do_step(_gather_part, gathering, board, job, work, 2, places.shape[0] - 1, _SQUARES)
 
 
 class Rough(NamedTuple):
@@ -255,14 +285,14 @@ def rough_pixels(
         frame.static, frame.actors, detail, hits.row, hits.triangle, codes,
         sampling.strong, sampling.weak, leaf, marks,
     )  # fmt: skip
-    caster.in_parts(_mark_rough, marking, height, rows)
-    if sampling.blend:
-        gamma, colours = film or (np.empty(0, np.uint8), np.empty((0, 3), np.float32))
-        even = hits.row, hits.triangle, leaf, gamma, colours, codes, marks
-        caster.in_parts(_find_and_develop_even, even, height, rows)
-    packets = picture_packets(width, height)
+    gamma, colours = film or (np.empty(0, np.uint8), np.empty((0, 3), np.float32))
+    squares = picture_packets(width, height)
+    places = np.empty((len(squares.starts), 2), np.int32)
     pixels = np.empty(height * width, np.int32)
     begins = np.empty(height * width + 1, np.int32)
     room = max(PACKET // len(sampling.offsets), 1)
-    count, groups = _gather(marks, packets.order, packets.starts, room, pixels, begins)
+    even = hits.row, hits.triangle, leaf, gamma, colours, codes, marks, places
+    gathering = marks, squares.order, squares.starts, room, places, pixels, begins
+    caster.in_parts(_find_rough, (marking, even, gathering), height, rows)
+    count, groups = places[-1]
     return Rough(pixels[:count], begins[: groups + 1], marks)

@@ -153,28 +153,16 @@ def light_of_codes(gamma: float) -> NDArray[np.float32]:
 
 
 @device
-def _develop(codes, red, green, blue, i, pixels):  # type: ignore[no-untyped-def]
+def develop(codes, red, green, blue, i, pixels):  # type: ignore[no-untyped-def]
+    """Write a pixel, BGRA, of linear display light, as :meth:`Film.encode` codes it.
+
+    ``pixels``: ``(N, 4)`` uint8.
+    """
     half = np.float32(0.5)
     pixels[i, 0] = codes[int(blue * _STEPS + half)]
     pixels[i, 1] = codes[int(green * _STEPS + half)]
     pixels[i, 2] = codes[int(red * _STEPS + half)]
     pixels[i, 3] = 255
-
-
-@device
-def _develop_part(codes, colours, pixels, worker, first, last):  # type: ignore[no-untyped-def]
-    for i in range(first, last):
-        _develop(codes, colours[i, 0], colours[i, 1], colours[i, 2], i, pixels)
-
-
-@kernel
-def develop(data, board, job, work):  # type: ignore[no-untyped-def]
-    """Write ``(N, 4)`` uint8 BGRA of linear display light, as :meth:`Film.encode` codes it.
-
-    The data are codes of the film's gamma, ``(N, 3)`` float32 colours, 0-1, and what receives the
-    pixels.
-    """
-    do(_develop_part, data, board, job, work)
 
 
 @device
@@ -187,7 +175,7 @@ def _develop_means_part(codes, colours, again, edges, pixels, worker, first, las
         for k in range(e * samples, e * samples + samples):
             red, green, blue = red + again[k, 0], green + again[k, 1], blue + again[k, 2]
         red, green, blue = red + colours[i, 0], green + colours[i, 1], blue + colours[i, 2]
-        _develop(codes, red / share, green / share, blue / share, i, pixels)
+        develop(codes, red / share, green / share, blue / share, i, pixels)
 
 
 @kernel
@@ -235,4 +223,4 @@ def develop_even(codes, colours, marks, width, first, last, pixels):  # type: ig
                 red += weight * colours[j, 0]
                 green += weight * colours[j, 1]
                 blue += weight * colours[j, 2]
-        _develop(codes, red, green, blue, i, pixels)
+        develop(codes, red, green, blue, i, pixels)

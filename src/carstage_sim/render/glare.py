@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from carstage_sim.kernels import device, kernel
 from carstage_sim.render.arithmetic import exp_down
-from carstage_sim.render.caster import WIDE_BAND, RayCaster
+from carstage_sim.render.caster import BAND, RayCaster
 from carstage_sim.render.crew import Shared, do
 from carstage_sim.render.film import Film, display_of_codes, film_codes, light_of_codes
 
@@ -343,8 +343,8 @@ def with_glare(
 def _in_rows(
     caster: RayCaster, shared: Shared, data: tuple[Any, ...], rows: int, width: int
 ) -> None:
-    """Have the crew do rows, so many together that it is worth a thread's while."""
-    caster.in_parts(shared, data, rows, max(WIDE_BAND // (_BLOCK * width), 1))
+    """Have the crew do rows of blocks."""
+    caster.in_parts(shared, data, rows, max(BAND // (_BLOCK * width), 1))
 
 
 def _words(pixels: NDArray[np.uint8]) -> NDArray[np.uint32]:

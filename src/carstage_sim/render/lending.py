@@ -8,18 +8,20 @@ few codes. So shadows and reflections along edges are shaded wherever they diffe
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.kernels import device, kernel
 from carstage_sim.render.caster import Hits, Packets, RayCaster
-from carstage_sim.render.crew import do
+from carstage_sim.render.crew import Shared, do, do_step
 from carstage_sim.render.edges import Rough, alike
 from carstage_sim.render.packet_simd import PACKET
 from carstage_sim.render.scene import Frame
 
+_PACKETS = 64
+"""Packets of extra rays per piece of work."""
 _FIXED: Any = np.float32(0.001)
 _SHARE: Any = np.float32(0.0107)
 """A step of one 8-bit code in linear display light: a fixed part and a share of the light."""
@@ -39,35 +41,27 @@ def _like(colours, i, j, codes):  # type: ignore[no-untyped-def]
 
 @device
 def _mix(  # type: ignore[no-untyped-def]
-    static, actors, detail, row, triangle, width, height, colours, edges, towards, shares,
-    first, last, again, open_,
-):  # fmt: skip
-    """Give the extra rays of pixels the colour between four that show one surface."""
-    samples = towards.shape[0]
-    for e in range(first, last):
-        i = edges[e]
-        y, x = i // width, i % width
-        for k in range(samples):
-            ray = e * samples + k
-            open_[ray] = True
-            u, v = x + towards[k, 0], y + towards[k, 1]
-            if u < 0 or v < 0 or u >= width or v >= height:
-                continue
-            beside, below, across = y * width + u, v * width + x, v * width + u
-            if not (
-                alike(static, actors, detail, row, triangle, i, beside)
-                and alike(static, actors, detail, row, triangle, i, below)
-                and alike(static, actors, detail, row, triangle, i, across)
-            ):
-                continue
-            open_[ray] = False
-            right, down = shares[k, 0], shares[k, 1]
-            for channel in range(3):
-                level = colours[i, channel]
-                level += (colours[beside, channel] - level) * right
-                under = colours[below, channel]
-                under += (colours[across, channel] - under) * right
-                again[ray, channel] = level + (under - level) * down
+    static, actors, detail, row, triangle, width, height, colours, towards, shares, x, y, k, out
+):
+    """Give a pixel's ray the colour between four pixels; False where they show no one surface."""
+    u, v = x + towards[k, 0], y + towards[k, 1]
+    if u < 0 or v < 0 or u >= width or v >= height:
+        return False
+    i, beside, below, across = y * width + x, y * width + u, v * width + x, v * width + u
+    if not (
+        alike(static, actors, detail, row, triangle, i, beside)
+        and alike(static, actors, detail, row, triangle, i, below)
+        and alike(static, actors, detail, row, triangle, i, across)
+    ):
+        return False
+    right, down = shares[k, 0], shares[k, 1]
+    for channel in range(3):
+        level = colours[i, channel]
+        level += (colours[beside, channel] - level) * right
+        under = colours[below, channel]
+        under += (colours[across, channel] - under) * right
+        out[channel] = level + (under - level) * down
+    return True
 
 
 @device
@@ -97,88 +91,170 @@ def aim_again(data, board, job, work):  # type: ignore[no-untyped-def]
 @device
 def _mix_part(  # type: ignore[no-untyped-def]
     static, actors, detail, row, triangle, width, height, colours, edges, towards, shares,
-    again, open_, directions, offsets, rays, worker, first, last,
+    again, directions, offsets, rays, order, starts, open_, places, worker, first, last,
 ):  # fmt: skip
-    _mix(
-        static, actors, detail, row, triangle, width, height, colours, edges, towards, shares,
-        first, last, again, open_,
-    )  # fmt: skip
-    if directions.shape[0]:
-        _aim_part(directions, edges, offsets, open_, rays, worker, first, last)
+    samples = towards.shape[0]
+    for packet in range(first, last):
+        left = 0
+        for e in range(starts[packet] // samples, starts[packet + 1] // samples):
+            i = edges[e]
+            y, x = i // width, i % width
+            for k in range(samples):
+                ray = e * samples + k
+                open_[ray] = not _mix(
+                    static, actors, detail, row, triangle, width, height, colours, towards, shares,
+                    x, y, k, again[ray],
+                )  # fmt: skip
+                if open_[ray]:
+                    left += 1
+                    if directions.shape[0]:
+                        for axis in range(3):
+                            rays[ray, axis] = directions[i, axis] + offsets[k, axis]
+        places[packet] = left
 
 
-@kernel
-def _mix_and_aim(data, board, job, work):  # type: ignore[no-untyped-def]
-    """Mix the extra rays of pixels; aim those that are left open, if there are directions."""
-    do(_mix_part, data, board, job, work)
+@device
+def _lend(  # type: ignore[no-untyped-def]
+    row, triangle, width, height, colours, edges, towards, row_of, triangle_of, ray, again
+):
+    """Give an extra ray the colour of a pixel beside it; False where none has it."""
+    samples = towards.shape[0]
+    pixel, k = edges[ray // samples], ray % samples
+    y, x = pixel // width, pixel % width
+    found = -1
+    agree = True
+    for place in range(4):
+        u = x + towards[k, 0] * (place & 1)
+        v = y + towards[k, 1] * (place >> 1)
+        if u < 0 or v < 0 or u >= width or v >= height:
+            continue
+        j = v * width + u
+        if row[j] != row_of[ray] or triangle[j] != triangle_of[ray]:
+            continue
+        if found < 0:
+            found = j
+        agree = agree and _like(colours, found, j, _SAMPLE_CODES)
+    if found < 0 or not agree:
+        return False
+    for channel in range(3):
+        again[ray, channel] = colours[found, channel]
+    return True
 
 
 @device
 def _lend_part(  # type: ignore[no-untyped-def]
-    row, triangle, width, height, colours, edges, towards, row_of, triangle_of, rays,
-    again, open_, worker, first, last,
+    row, triangle, width, height, colours, edges, towards, row_of, triangle_of, again,
+    order, starts, open_, places, worker, first, last,
 ):  # fmt: skip
-    """Give the extra rays of pixels the colour of a pixel beside them, or leave them open."""
-    samples = towards.shape[0]
-    for number in range(first, last):
-        ray = rays[number]
-        pixel, k = edges[ray // samples], ray % samples
-        y, x = pixel // width, pixel % width
-        found = -1
-        agree = True
-        for place in range(4):
-            u = x + towards[k, 0] * (place & 1)
-            v = y + towards[k, 1] * (place >> 1)
-            if u < 0 or v < 0 or u >= width or v >= height:
-                continue
-            j = v * width + u
-            if row[j] != row_of[ray] or triangle[j] != triangle_of[ray]:
-                continue
-            if found < 0:
-                found = j
-            agree = agree and _like(colours, found, j, _SAMPLE_CODES)
-        open_[ray] = found < 0 or not agree
-        if found >= 0 and agree:
-            for channel in range(3):
-                again[ray, channel] = colours[found, channel]
+    for packet in range(first, last):
+        left = 0
+        for place in range(starts[packet], starts[packet + 1]):
+            ray = order[place]
+            open_[ray] = not _lend(
+                row, triangle, width, height, colours, edges, towards, row_of, triangle_of, ray,
+                again,
+            )  # fmt: skip
+            left += open_[ray]
+        places[packet] = left
 
 
-@kernel
-def _lend(data, board, job, work):  # type: ignore[no-untyped-def]
-    """Give the extra rays of pixels the colour of a pixel beside them, or leave them open."""
-    do(_lend_part, data, board, job, work)
-
-
-@kernel
-def _gather(open_, order, starts, chosen, begins):  # type: ignore[no-untyped-def]
-    """The rays that are left open, in packets of those that run side by side."""
+@device
+def _place(starts, places, begins, sums):  # type: ignore[no-untyped-def]
+    """Turn numbers of open rays into where those of each packet go; packets are filled up."""
     count, groups = 0, 0
     begins[0] = 0
     for packet in range(starts.shape[0] - 1):
         if starts[packet + 1] - starts[packet] + count - begins[groups] > PACKET:
             groups += 1
             begins[groups] = count
-        for place in range(starts[packet], starts[packet + 1]):
-            if open_[order[place]]:
-                chosen[count] = order[place]
-                count += 1
+        left = places[packet]
+        places[packet] = count
+        count += left
     if count > begins[groups]:
         groups += 1
         begins[groups] = count
-    return count, groups
+    sums[0], sums[1] = count, groups
+
+
+@device
+def _gather_part(order, starts, open_, places, chosen, worker, first, last):  # type: ignore[no-untyped-def]
+    """The rays of some packets that are left open."""
+    for packet in range(first, last):
+        at = places[packet]
+        for place in range(starts[packet], starts[packet + 1]):
+            if open_[order[place]]:
+                chosen[at] = order[place]
+                at += 1
+
+
+@kernel
+def _mix_and_gather(data, board, job, work):  # type: ignore[no-untyped-def]
+    """Mix the extra rays of pixels; aim, and gather, those that are left open.
+
+    The data are those of mixing and of :class:`_Gathering`, and the items are the packets.
+    """
+    mixing, (order, starts, open_, places, chosen, begins, sums) = data
+    do(_mix_part, (*mixing, order, starts, open_, places), board, job, work)
+    _place(starts, places, begins, sums)
+    gathering = order, starts, open_, places, chosen
+    do_step(_gather_part, gathering, board, job, work, 1, work[1], work[2])
+
+
+@kernel
+def _lend_and_gather(data, board, job, work):  # type: ignore[no-untyped-def]
+    """Lend colours to the extra rays of pixels; gather those that are left open.
+
+    The data are those of lending and of :class:`_Gathering`, and the items are the packets.
+    """
+    lending, (order, starts, open_, places, chosen, begins, sums) = data
+    do(_lend_part, (*lending, order, starts, open_, places), board, job, work)
+    _place(starts, places, begins, sums)
+    gathering = order, starts, open_, places, chosen
+    do_step(_gather_part, gathering, board, job, work, 1, work[1], work[2])
+
+
+class _Gathering(NamedTuple):
+    """Rays, and room for those of them that are left open, in packets of their own.
+
+    Attributes:
+        order, starts: of all rays; see :class:`Packets`.
+        open_: ``(M,)`` bool by the ray's number.
+        places: ``(P,)`` int32 how many of each packet are left; then where they go in ``chosen``.
+        chosen, begins: order and starts of those that are left.
+        sums: ``(2,)`` int32 how many they are, and how many packets.
+    """
+
+    order: NDArray[np.int32]
+    starts: NDArray[np.int32]
+    open_: NDArray[np.bool_]
+    places: NDArray[np.int32]
+    chosen: NDArray[np.int32]
+    begins: NDArray[np.int32]
+    sums: NDArray[np.int32]
+
+
+def _gathered(
+    caster: RayCaster, shared: Shared, data: tuple[Any, ...], packets: Packets, rays: int
+) -> Packets:
+    """Have a kernel colour rays; those, of so many numbers, that it leaves open."""
+    room = _Gathering(
+        packets.order,
+        packets.starts,
+        np.empty(rays, np.bool_),
+        np.empty(len(packets.starts) - 1, np.int32),
+        np.empty(len(packets.order), np.int32),
+        np.empty(len(packets.starts), np.int32),
+        np.empty(2, np.int32),
+    )
+    caster.in_parts(shared, (data, tuple(room)), len(room.places), _PACKETS)
+    count, groups = room.sums
+    return Packets(room.chosen[:count], room.begins[: groups + 1])
 
 
 def _towards(offsets: NDArray[np.float32]) -> NDArray[np.int32]:
     """``(K, 2)`` which way, right and down, the other three of the pixels around a place are."""
     towards: NDArray[np.int32] = np.where(offsets < 0.0, np.int32(-1), np.int32(1))
     return towards
-
-
-def _packed(open_: NDArray[np.bool_], packets: Packets) -> Packets:
-    chosen = np.empty(len(packets.order), np.int32)
-    begins = np.empty(len(packets.starts), np.int32)
-    count, groups = _gather(open_, packets.order, packets.starts, chosen, begins)
-    return Packets(chosen[:count], begins[: groups + 1])
 
 
 def extra_rays(rough: Rough, samples: int) -> Packets:
@@ -211,19 +287,18 @@ def mixed(
         colours: ``(N, 3)`` of its pixels.
         edges: pixels that the extra rays go through, ``K`` for each.
         offsets: ``(K, 2)`` where, right and down from a pixel's centre, in pixels.
-        packets: all extra rays, those that run side by side together.
+        packets: all extra rays by their numbers, those that run side by side together; from
+            :func:`extra_rays`.
         out: ``(E * K, 3)`` receives their colours.
         aim: for those still to be traced: directions through the pixels' centres, how far from
             them each extra ray is, and what receives their own; see :func:`aim_again`.
     """
-    open_ = np.empty(len(out), np.bool_)
     towards, shares = _towards(offsets), np.abs(offsets)
     data = (
         frame.static, frame.actors, detail, hits.row, hits.triangle, *size, colours, edges,
-        towards, shares, out, open_, *(aim or [np.empty((0, 3), np.float32)] * 3),
+        towards, shares, out, *(aim or [np.empty((0, 3), np.float32)] * 3),
     )  # fmt: skip
-    caster.in_parts(_mix_and_aim, data, len(edges))
-    return _packed(open_, packets)
+    return _gathered(caster, _mix_and_gather, data, packets, len(out))
 
 
 def lent(
@@ -251,11 +326,8 @@ def lent(
         packets: those that were traced.
         out: ``(E * K, 3)`` receives their colours.
     """
-    open_ = np.empty(len(out), np.bool_)
-    towards = _towards(offsets)
     data = (
-        hits.row, hits.triangle, *size, colours, edges, towards, again.row, again.triangle,
-        packets.order, out, open_,
+        hits.row, hits.triangle, *size, colours, edges, _towards(offsets), again.row,
+        again.triangle, out,
     )  # fmt: skip
-    caster.in_parts(_lend, data, len(packets.order))
-    return _packed(open_, packets)
+    return _gathered(caster, _lend_and_gather, data, packets, len(out))

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.kernels import kernel
+from carstage_sim.kernels import device, kernel
 from carstage_sim.render.cast import NOTHING
 from carstage_sim.render.caster import Hits, RayCaster
+from carstage_sim.render.crew import do, for_workers
 from carstage_sim.render.scene import Frame
 from carstage_sim.render.surface import normals_at, turned_normals
 
@@ -17,10 +19,17 @@ _TOGETHER = 256
 """Rays whose normals are turned in one loop without branches, eight at a time."""
 
 
-@kernel
-def _normals(  # type: ignore[no-untyped-def]
-    scene, static, actors, row, triangle, weights, directions, first, last, seen, out
+class _Scratch(NamedTuple):
+    """Working memory of one thread: ``(9, 256)`` float32 directions and normals."""
+
+    seen: NDArray[np.float32]
+
+
+@device
+def _normals_part(  # type: ignore[no-untyped-def]
+    memory, scene, static, actors, row, triangle, weights, directions, out, worker, first, last
 ):
+    seen = memory[worker]
     for begin in range(first, last, _TOGETHER):
         count = min(_TOGETHER, last - begin)
         for k in range(count):
@@ -48,6 +57,11 @@ def _normals(  # type: ignore[no-untyped-def]
                 out[i, axis] = seen[3 + axis, k] if row[i] != NOTHING else np.float32(0)
 
 
+@kernel
+def _normals(data, board, job, work):  # type: ignore[no-untyped-def]
+    do(_normals_part, data, board, job, work)
+
+
 def smooth_normals(caster: RayCaster, frame: Frame, hits: Hits) -> NDArray[np.float32]:
     """``(N, 3)`` float32 unit normal (world) of the surface that each ray met, else 0.
 
@@ -55,13 +69,10 @@ def smooth_normals(caster: RayCaster, frame: Frame, hits: Hits) -> NDArray[np.fl
     interpolation turns away is bent back just so far.
     """
     out = np.empty((len(hits.row), 3), np.float32)
-
-    def work(first: int, last: int) -> None:
-        seen = np.empty((9, _TOGETHER), np.float32)
-        _normals(
-            frame.scene, frame.static, frame.actors, hits.row, hits.triangle, hits.weights,
-            hits.directions, first, last, seen, out,
-        )  # fmt: skip
-
-    caster.in_bands(len(out), work)
+    memory = for_workers(caster.crew, _Scratch(np.empty((9, _TOGETHER), np.float32)))
+    data = (
+        memory.seen, frame.scene, frame.static, frame.actors, hits.row, hits.triangle,
+        hits.weights, hits.directions, out,
+    )  # fmt: skip
+    caster.in_parts(_normals, data, len(out))
     return out

@@ -20,11 +20,11 @@ from carstage_sim.render.caster import (
 from carstage_sim.render.crew import for_workers
 from carstage_sim.render.edges import Rough, rough_pixels
 from carstage_sim.render.exposure_blur import blurred
-from carstage_sim.render.film import Film, develop, develop_means, film_codes
+from carstage_sim.render.film import Film, develop_means, film_codes
 from carstage_sim.render.glare import with_glare
 from carstage_sim.render.lending import aim_again, extra_rays, lent, mixed
 from carstage_sim.render.materials import material_table
-from carstage_sim.render.motion import earlier_places, no_motion
+from carstage_sim.render.motion import flow_of_motions, no_motion
 from carstage_sim.render.normals import smooth_normals
 from carstage_sim.render.overlay import draw_shapes
 from carstage_sim.render.packet_shading import new_shade_scratch
@@ -37,6 +37,10 @@ from carstage_sim.render.shared_kernels import share_shade_packets
 from carstage_sim.render.sky import Lighting, SkyModel
 from carstage_sim.world.debug_shapes import DebugShapes
 from carstage_sim.world.state import Weather
+
+_EDGES = 1024
+"""Pixels with more rays per piece of work."""
+_NO_FILM = np.empty(0, np.uint8), np.empty((0, 4), np.uint8)
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +99,8 @@ class PictureMaker:
         origin, rays = hits.origin.astype(np.float64), hits.directions
         self._caster.cast(frame.scene, origin, rays, low=0.1, high=1000.0)
         self._caster.cast_together(frame.scene, origin, rays, packets, low=0.1, high=1000.0)
-        self._shade(frame, hits, packets, -1, 1e-3, light, colours)
+        film = film_codes(Film().gamma), np.empty((2, 4), np.uint8)
+        self._shade(frame, hits, packets, -1, 1e-3, light, colours, film)
 
     def warm_up(self, store: SceneStore) -> None:
         """Compile, or load, all other kernels of pictures: of building, sampling, developing."""
@@ -109,8 +114,10 @@ class PictureMaker:
             colours.copy(),
         )  # fmt: skip
         smooth_normals(self._caster, frame, hits)
-        nowhere = (np.zeros(2), np.zeros(2))
-        earlier_places(no_motion(0), hits, nowhere, (1.0, 1.0), 0, 2)
+        nowhere, flow, before = np.zeros(2), np.empty((2, 2), np.float32), np.empty((2, 0))
+        met = hits.row, hits.triangle, hits.weights, hits.t
+        still = no_motion(0), *met, nowhere, nowhere, 1.0, 1.0, before, flow
+        self._caster.in_parts(flow_of_motions, still, 2)
         film, pixels = Film(), np.zeros((1, 2, 4), np.uint8)
         rough_pixels(
             self._caster, frame, self._materials.detail, hits, pixels, SAMPLING[Quality.LOW]
@@ -123,7 +130,6 @@ class PictureMaker:
             middle, packets, colours.copy(),
         )  # fmt: skip
         nothing = np.zeros((2, 3), np.float32)
-        self._develop(film, nothing, pixels)
         self._develop_means(film, nothing, nothing, np.arange(2, dtype=np.int32), pixels)
         flat = pixels.reshape(-1, 4)
         noise = noise_table(film.iso, film.gamma), np.uint32(0), flat, flat.copy()
@@ -147,9 +153,10 @@ class PictureMaker:
         row_of: NDArray[np.integer] | None,
         light: Lighting,
         colours: NDArray[np.float32],
+        film: tuple[NDArray[np.uint8], NDArray[np.uint8]] = _NO_FILM,
     ) -> None:
         """As :meth:`_shade`; ``row_of``: each ray's, if rows are exposed one by one."""
-        rest = picture.skip_row, _pixel_angle(picture), light, colours
+        rest = picture.skip_row, _pixel_angle(picture), light, colours, film
         if picture.rows is None or row_of is None:
             self._shade(frame, hits, packets, *rest)
             return
@@ -166,8 +173,12 @@ class PictureMaker:
         pixel_angle: float,
         light: Lighting,
         colours: NDArray[np.float32],
+        film: tuple[NDArray[np.uint8], NDArray[np.uint8]] = _NO_FILM,
     ) -> None:
-        """Fill in the colours of rays; no others are looked at."""
+        """Fill in the colours of rays; no others are looked at.
+
+        With a film's codes and ``(N, 4)`` uint8 BGRA pixels these are developed, too.
+        """
         shaded = ShadedFrame(
             frame.scene, frame.static, frame.actors, frame.appearance, frame.colour,
             frame.light_state, self._materials, light, frame.lamps,
@@ -178,7 +189,8 @@ class PictureMaker:
         )  # fmt: skip
 
         data = (
-            self._scratch, shaded, rays, self._epic, packets.order, packets.starts, colours
+            self._scratch, shaded, rays, self._epic, packets.order, packets.starts, colours,
+            *film,
         )  # fmt: skip
         self._caster.in_packets(share_shade_packets, data, packets)
 
@@ -196,12 +208,13 @@ class PictureMaker:
         colours = np.empty((count, 3), np.float32)
         whole = picture_packets(picture.width, picture.height)
         rows = None if picture.rows is None else picture.row_of(np.arange(count))
-        self._shade_picture(frame, picture, picture.hits, whole, rows, light, colours)
         pixels = np.empty((picture.height, picture.width, 4), np.uint8)
-        self._develop(picture.film, colours, pixels)
+        codes = film_codes(picture.film.gamma)
+        film = codes, pixels.reshape(-1, 4)
+        self._shade_picture(frame, picture, picture.hits, whole, rows, light, colours, film)
         rough = rough_pixels(
             self._caster, frame, self._materials.detail, picture.hits, pixels, self._sampling,
-            (film_codes(picture.film.gamma), colours),
+            (codes, colours),
         )  # fmt: skip
         if len(rough.pixels):
             again = self._sampled_again(frame, picture, rough, light, colours)
@@ -230,7 +243,7 @@ class PictureMaker:
         if self._epic:
             every = np.ones(len(rays), np.bool_)
             aim = picture.hits.directions, edges, offsets, every, rays
-            self._caster.in_parts(aim_again, aim, len(edges))
+            self._caster.in_parts(aim_again, aim, len(edges), _EDGES)
         else:
             packets = mixed(
                 self._caster, frame, self._materials.detail, picture.hits, size, colours,
@@ -264,10 +277,6 @@ class PictureMaker:
             frame.scene, origin, rays, packets, low=low, high=high, skip_row=skip_row
         )
 
-    def _develop(self, film: Film, colours: NDArray[np.float32], pixels: NDArray[np.uint8]) -> None:
-        data = film_codes(film.gamma), colours, pixels.reshape(-1, 4)
-        self._caster.in_parts(develop, data, len(colours))
-
     def _develop_means(
         self,
         film: Film,
@@ -277,7 +286,7 @@ class PictureMaker:
         pixels: NDArray[np.uint8],
     ) -> None:
         data = film_codes(film.gamma), colours, again, edges, pixels.reshape(-1, 4)
-        self._caster.in_parts(develop_means, data, len(edges))
+        self._caster.in_parts(develop_means, data, len(edges), _EDGES)
 
 
 def _pixel_angle(picture: Picture) -> float:

@@ -30,12 +30,18 @@ def in_one(shared: Shared, data: tuple[Any, ...], count: int) -> None:
 
 
 @device
+def aim_ray(rotation, right, up, k, rays):  # type: ignore[no-untyped-def]
+    """World direction of a ray by its slopes; see ``view.pixel_rays``."""
+    for axis in range(3):
+        rays[k, axis] = np.float32(
+            rotation[axis, 0] + rotation[axis, 1] * right[k] + rotation[axis, 2] * up[k]
+        )
+
+
+@device
 def _ray_directions(rotation, right, up, rays, worker, first, last):  # type: ignore[no-untyped-def]
     for k in range(first, last):
-        for axis in range(3):
-            rays[k, axis] = np.float32(
-                rotation[axis, 0] + rotation[axis, 1] * right[k] + rotation[axis, 2] * up[k]
-            )
+        aim_ray(rotation, right, up, k, rays)
 
 
 @kernel

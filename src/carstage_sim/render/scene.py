@@ -65,8 +65,7 @@ class Surfaces(NamedTuple):
     pane: NDArray[np.uint16]
 
 
-@dataclass(frozen=True, slots=True)
-class Placement:
+class Placement(NamedTuple):
     """One actor that can be seen in a frame.
 
     Attributes:
@@ -372,6 +371,8 @@ class SceneStore:
         owners = self._static_surfaces.object_id
         self._hidden_triangles = HiddenTriangles(self._static, owners)
         self._object_count = int(owners.max(initial=0))
+        self._colours: list[tuple[tuple[int, int, int], ...]] = []
+        self._linear_colours = np.empty((0, PAINTS, 3), np.float32)
         self._town_changes: TownChanges | None = None
         self.show(TownChanges())
 
@@ -439,13 +440,11 @@ class SceneStore:
         self._forget_passing(wanted)
         self.prepare(list(wanted))
         self._join()
-        count = len(placements)
         index = [self._index[p.model] for p in placements]
         rotation = _stacked([p.rotation for p in placements], (3, 3))
         position = _stacked([p.location for p in placements], (3,))
         bounds = _stacked([self._models[i].bounds for i in index], (2, 3))
         top = top_tree(rotation, position, bounds)
-        colours = np.array([p.colours for p in placements], np.uint8).reshape(count, PAINTS, 3)
         light_state = np.array([p.light_state & 0xFFFFFFFF for p in placements], np.uint32)
         beams = headlight_beams(rotation, position, bounds, light_state)
         return Frame(
@@ -463,12 +462,19 @@ class SceneStore:
             actors=self._actors[1],
             appearance=self._appearance,
             actor_id=np.array([p.actor_id for p in placements], np.uint32),
-            colour=linear_colour(colours),
+            colour=self._linear([p.colours for p in placements]),
             light_state=light_state,
             bounds=bounds,
             shapes=[self._shapes[i] for i in index],
             lamps=self._lamps._replace(beams=beams),
         )
+
+    def _linear(self, colours: list[tuple[tuple[int, int, int], ...]]) -> NDArray[np.float32]:
+        """``(N, PAINTS, 3)`` linear colours; the same array again while nobody comes or goes."""
+        if colours != self._colours:
+            codes = np.array(colours, np.uint8).reshape(len(colours), PAINTS, 3)
+            self._colours, self._linear_colours = colours, linear_colour(codes)
+        return self._linear_colours
 
 
 def _stacked(rows: Sequence[NDArray[np.floating]], shape: tuple[int, ...]) -> NDArray[np.float32]:

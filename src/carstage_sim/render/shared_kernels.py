@@ -9,8 +9,10 @@ from __future__ import annotations
 from carstage_sim.kernels import device, kernel
 from carstage_sim.render.cast import cast_rays, scratch_of
 from carstage_sim.render.crew import do
+from carstage_sim.render.film import develop
 from carstage_sim.render.packet_shading import shade_packets, shade_scratch_of
 from carstage_sim.render.packets import cast_packets, packet_scratch_of
+from carstage_sim.render.pixel_kernels import aim_ray
 
 
 @device
@@ -33,8 +35,11 @@ def share_cast_rays(data, board, job, work):  # type: ignore[no-untyped-def]
 @device
 def _cast_packets_part(  # type: ignore[no-untyped-def]
     memory, scene, origin, directions, order, starts, low, high, skip, t, row, triangle, weights,
-    worker, first, last,
+    rotation, right, up, worker, first, last,
 ):  # fmt: skip
+    if right.shape[0]:
+        for place in range(starts[first], starts[last]):
+            aim_ray(rotation, right, up, order[place], directions)
     cast_packets(
         scene, packet_scratch_of(memory, worker), origin, directions, order, starts, low, high,
         skip, first, last, t, row, triangle, weights,
@@ -43,18 +48,31 @@ def _cast_packets_part(  # type: ignore[no-untyped-def]
 
 @kernel
 def share_cast_packets(data, board, job, work):  # type: ignore[no-untyped-def]
-    """As :func:`carstage_sim.render.packets.cast_packets`."""
+    """As :func:`carstage_sim.render.packets.cast_packets`; rays with slopes are aimed before.
+
+    The last of the data are a :class:`carstage_sim.render.caster.Slopes`.
+    """
     do(_cast_packets_part, data, board, job, work)
 
 
 @device
-def _shade_part(memory, frame, rays, epic, order, starts, out, worker, first, last):  # type: ignore[no-untyped-def]
+def _shade_part(  # type: ignore[no-untyped-def]
+    memory, frame, rays, epic, order, starts, out, codes, pixels, worker, first, last
+):
     shade_packets(
         frame, rays, shade_scratch_of(memory, worker), epic, order, starts, first, last, out
     )
+    if pixels.shape[0]:
+        for place in range(starts[first], starts[last]):
+            i = order[place]
+            develop(codes, out[i, 0], out[i, 1], out[i, 2], i, pixels)
 
 
 @kernel
 def share_shade_packets(data, board, job, work):  # type: ignore[no-untyped-def]
-    """As :func:`carstage_sim.render.shading.shade_packets`."""
+    """As :func:`carstage_sim.render.shading.shade_packets`; pixels are developed at once.
+
+    The last of the data are codes of the film's gamma and ``(N, 4)`` uint8 BGRA that receives the
+    pixels, or none.
+    """
     do(_shade_part, data, board, job, work)

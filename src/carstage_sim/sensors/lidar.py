@@ -9,11 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage_sim.geometry import rotation_matrix
 from carstage_sim.maps.town import Town
-from carstage_sim.render.cast import NOTHING
 from carstage_sim.render.caster import Hits
+from carstage_sim.render.laser_kernels import RAYS, Lasers, aim_lasers, gather_returns
+from carstage_sim.render.pixel_kernels import InParts, in_one
 from carstage_sim.sensors.attributes import number, require, whole, within
-from carstage_sim.sensors.lidar_kernels import gather_returns, write_points
+from carstage_sim.sensors.lidar_kernels import write_points
 from carstage_sim.sensors.measurements import (
     SEMANTIC_POINT,
     LidarFrame,
@@ -22,7 +24,7 @@ from carstage_sim.sensors.measurements import (
 )
 from carstage_sim.sensors.noise import noise_stream
 from carstage_sim.sensors.sensor import MeasuringSensor, SensorRegistry
-from carstage_sim.sensors.view import View, turned
+from carstage_sim.sensors.view import View
 from carstage_sim.world.state import WorldState
 
 MOST_CHANNELS = 1024
@@ -120,11 +122,14 @@ class Returns(NamedTuple):
     met: NDArray[np.bool_]
 
 
-def warm_up() -> None:
-    """Compile, or load, what puts a frame together."""
+def warm_up(in_parts: InParts = in_one) -> None:
+    """Compile, or load, what aims lasers and puts a frame together."""
     local, channel, many = np.zeros((1, 3)), np.zeros(1, np.intp), np.zeros(1)
     flags, row, t = np.ones(1, np.bool_), np.zeros(1, np.int32), np.zeros(1, np.float32)
-    gather_returns(row, t, NOTHING, local, channel, flags, local, channel, many)
+    lasers = Lasers(many, many, many, many, channel)
+    in_parts(aim_lasers, (lasers, np.eye(3), np.zeros((1, 3), np.float32)), 1)
+    places = np.zeros(2, np.int64)
+    in_parts(gather_returns, (lasers, row, t, flags, places, local, channel, many), 1)
     write_points(
         local, channel, many, many, flags, np.zeros((1, 4), np.float32), np.zeros(1, np.uint32)
     )
@@ -185,19 +190,20 @@ class RotatingLidar(MeasuringSensor):
         fired: NDArray[np.bool_] | None = None,
     ) -> Returns:
         """Send the rays of a sweep, or those that ``fired``, into one frozen scene."""
-        channel = np.repeat(np.arange(self.geometry.channels), sweep.per_channel)
-        local = laser_directions(self.geometry.elevation_rad, sweep.azimuth_rad)
-        if fired is not None:
-            local, channel = local[fired], channel[fired]
-        world = turned(local, request.rotation_deg)
+        up, around = self.geometry.elevation_rad, sweep.azimuth_rad
+        sent = np.empty(0, np.intp) if fired is None else np.flatnonzero(fired)
+        count = self.geometry.channels * sweep.per_channel if fired is None else len(sent)
+        lasers = Lasers(np.cos(up), np.sin(up), np.cos(around), np.sin(around), sent)
+        rotation = np.ascontiguousarray(rotation_matrix(request.rotation_deg))
+        world = np.empty((count, 3), np.float32)
+        view.in_parts(aim_lasers, (lasers, rotation, world), count, RAYS)
         hits = view.rays(request.location, world, high=self.range_m, owner_id=request.owner_id)
-        met = np.empty(len(local), np.bool_)
-        directions, lasers = np.empty_like(local), np.empty_like(channel)
-        distance = np.empty(len(local), np.float64)
-        count = gather_returns(
-            hits.row, hits.t, NOTHING, local, channel, met, directions, lasers, distance
-        )
-        return Returns(directions[:count], lasers[:count], distance[:count], hits, met)
+        met, places = np.empty(count, np.bool_), np.zeros(count // RAYS + 2, np.int64)
+        local, channel, distance = np.empty((count, 3)), np.empty(count, np.intp), np.empty(count)
+        gathering = lasers, hits.row, hits.t, met, places, local, channel, distance
+        view.in_parts(gather_returns, gathering, count, RAYS)
+        back = int(places[-1])
+        return Returns(local[:back], channel[:back], distance[:back], hits, met)
 
     def counts(self, channel: NDArray[np.intp]) -> NDArray[np.uint32]:
         """Points of each laser."""

@@ -1,4 +1,4 @@
-"""What a LiDAR's rays brought back, put together in one pass each."""
+"""What a LiDAR's rays brought back, put together in one pass."""
 
 from __future__ import annotations
 
@@ -6,28 +6,6 @@ from carstage_sim.kernels import kernel
 from carstage_sim.sensors.measurements import PointColumn
 
 _INTENSITY = int(PointColumn.INTENSITY)
-
-
-@kernel
-def gather_returns(row, t, nothing, local, channel, met, kept_local, kept_channel, distance):  # type: ignore[no-untyped-def]
-    """Rays that met something, one behind the other; how many.
-
-    Args:
-        row, t: ``(N,)`` what each ray met, ``nothing`` for none, and how far it is.
-        local, channel: ``(N, 3)`` and ``(N,)`` direction and laser of each ray.
-        met: ``(N,)`` bool receives which met something.
-        kept_local, kept_channel, distance: receive the directions, lasers and distances of those.
-    """
-    count = 0
-    for ray in range(row.shape[0]):
-        met[ray] = row[ray] != nothing
-        if met[ray]:
-            for axis in range(3):
-                kept_local[count, axis] = local[ray, axis]
-            kept_channel[count] = channel[ray]
-            distance[count] = t[ray]
-            count += 1
-    return count
 
 
 @kernel

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.geometry import rotation_matrix
-from carstage_sim.render.motion import RIGID, Motions, earlier_places
+from carstage_sim.render.motion import LARGEST, RIGID, Motions, flow_of_motions
 from carstage_sim.render.scene import Frame
 from carstage_sim.sensors.lens import PINHOLE, pixel_places
 from carstage_sim.sensors.measurements import SensorRequest
 from carstage_sim.sensors.view import Camera, View
 from carstage_sim.world.state import ActorKind, WorldState
 
-_LARGEST = 2.0
+_BAND = 1 << 16
+"""Pixels that a thread bends at a time."""
 
 FloatArray = NDArray[np.float64]
 
@@ -60,25 +62,37 @@ def flow_of(camera: Camera, motions: Motions, view: View) -> NDArray[np.float32]
     """
     hits, lens = view.camera(camera), camera.lens
     half_width = math.tan(math.radians(camera.fov_deg) / 2.0)
-    half_height = half_width * camera.height / camera.width
-    places = pixel_places(camera.width, camera.height, lens)
-    x, y = pixel_places(camera.width, camera.height, PINHOLE)
-    flow = np.empty((camera.height * camera.width, 2), np.float32)
-
-    def work(first: int, last: int) -> None:
-        x_before, y_before = earlier_places(
-            motions, hits, places, (half_width, half_height), first, last
-        )
-        if lens.distorts:
-            # The lens shows both points where it bends their rays to.
-            x_before, y_before = lens.distorted(x_before, y_before)
-        band = flow[first:last]
-        np.subtract(x[first:last], x_before, out=band[:, 0], casting="same_kind")
-        np.subtract(y_before, y[first:last], out=band[:, 1], casting="same_kind")
-        np.clip(band, -_LARGEST, _LARGEST, out=band)
-
-    view.in_bands(len(flow), work)
+    half = half_width, half_width * camera.height / camera.width
+    rays = pixel_places(camera.width, camera.height, lens)
+    count = camera.width * camera.height
+    before = np.empty((2, count if lens.distorts else 0))
+    flow = np.empty((count, 2), np.float32)
+    met = hits.row, hits.triangle, hits.weights, hits.t
+    view.in_parts(flow_of_motions, (motions, *met, *rays, *half, before, flow), count)
+    if lens.distorts:
+        _through_the_lens(camera, before, flow, view.threads)
     return flow.reshape(camera.height, camera.width, 2)
+
+
+def _through_the_lens(
+    camera: Camera, before: FloatArray, flow: NDArray[np.float32], threads: int
+) -> None:
+    """Motions by where a pinhole camera saw points before: both are bent.
+
+    Powers of numbers are NumPy's: a kernel's might differ by machine.
+    """
+    x, y = pixel_places(camera.width, camera.height, PINHOLE)
+
+    def work(first: int) -> None:
+        part = slice(first, first + _BAND)
+        x_before, y_before = camera.lens.distorted(*before[:, part])
+        band = flow[part]
+        np.subtract(x[part], x_before, out=band[:, 0], casting="same_kind")
+        np.subtract(y_before, y[part], out=band[:, 1], casting="same_kind")
+        np.clip(band, -LARGEST, LARGEST, out=band)
+
+    with ThreadPoolExecutor(threads, thread_name_prefix="lens") as pool:
+        list(pool.map(work, range(0, len(flow), _BAND)))
 
 
 def motions_between(

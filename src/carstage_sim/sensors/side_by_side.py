@@ -71,19 +71,26 @@ class SideBySide:
         if self._pool is not None:
             self._pool.shutdown()
 
-    def results(self, pieces: Sequence[Piece[_Result]]) -> Iterator[_Result]:
+    def results(
+        self, pieces: Sequence[Piece[_Result]], begun: Callable[[], None] = lambda: None
+    ) -> Iterator[_Result]:
         """What the pieces return, in their order; those that follow are begun meanwhile.
 
         When it ends, none of them is being done any more.
+
+        Args:
+            pieces: the work.
+            begun: called when the first are begun.
 
         Raises:
             Exception: what a piece raised, in its turn.
         """
         if self._pool is None or len(pieces) < 2:
+            begun()
             for piece in pieces:
                 yield piece.work()
             return
-        begun: deque[Future[_Result] | None] = deque()
+        futures: deque[Future[_Result] | None] = deque()
         try:
             first, pixels = 0, 0
             for number, piece in enumerate(pieces):
@@ -91,11 +98,13 @@ class SideBySide:
                     first <= number or pixels + pieces[first].pixels <= _MOST_PIXELS
                 ):
                     ahead = pieces[first]
-                    begun.append(self._pool.submit(ahead.work) if ahead.beside else None)
+                    futures.append(self._pool.submit(ahead.work) if ahead.beside else None)
                     first, pixels = first + 1, pixels + ahead.pixels
-                future = begun.popleft()
+                if not number:
+                    begun()
+                future = futures.popleft()
                 yield piece.work() if future is None else future.result()
                 pixels -= piece.pixels
         finally:
-            left = [future for future in begun if future is not None and not future.cancel()]
+            left = [future for future in futures if future is not None and not future.cancel()]
             wait(left)

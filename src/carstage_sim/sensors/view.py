@@ -16,9 +16,10 @@ from carstage_sim.geometry import rotation_matrix
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.render.cast import NOTHING, STATIC, Scene
 from carstage_sim.render.caster import (
-    WIDE_BAND,
+    BAND,
     Hits,
     RayCaster,
+    Slopes,
     picture_packets,
     unwritten_hits,
 )
@@ -30,7 +31,6 @@ from carstage_sim.render.normals import smooth_normals
 from carstage_sim.render.picture import Picture, PictureMaker
 from carstage_sim.render.pixel_kernels import (
     FAR_M,
-    InParts,
     hit_ids,
     hit_tags,
     in_one,
@@ -95,19 +95,20 @@ def _slope_pairs(width: int, height: int, fov_deg: float, lens: Lens) -> NDArray
     return np.stack(_pixel_slopes(width, height, fov_deg, lens), axis=1)
 
 
-def pixel_rays(camera: Camera, in_parts: InParts = in_one) -> NDArray[np.float32]:
+def camera_slopes(camera: Camera) -> Slopes:
+    """Slopes of the rays through the pixel centres, row by row."""
+    right, up = _pixel_slopes(camera.width, camera.height, camera.fov_deg, camera.lens)
+    return Slopes(np.ascontiguousarray(rotation_matrix(camera.rotation_deg)), right, up)
+
+
+def pixel_rays(camera: Camera) -> NDArray[np.float32]:
     """``(H * W, 3)`` float32 world directions through the pixel centres, row by row.
 
     Their component along the optical axis is 1, so a ray's parameter is the depth.
-
-    Args:
-        camera: who looks.
-        in_parts: does the work, perhaps in several threads.
     """
-    right, up = _pixel_slopes(camera.width, camera.height, camera.fov_deg, camera.lens)
-    rotation = np.ascontiguousarray(rotation_matrix(camera.rotation_deg))
-    rays = np.empty((len(right), 3), np.float32)
-    in_parts(ray_directions, (rotation, right, up, rays), len(rays))
+    slopes = camera_slopes(camera)
+    rays = np.empty((len(slopes.right), 3), np.float32)
+    in_one(ray_directions, (*slopes, rays), len(rays))
     return rays
 
 
@@ -181,13 +182,14 @@ class View:
         self._made: dict[tuple[Camera, Film, Product], NDArray[np.uint8]] = {}
         self.cast_count = 0
 
-    def in_bands(self, count: int, work: Callable[[int, int], None]) -> None:
-        """Call ``work(first, last)`` on bands of pixels, in several threads."""
-        self._caster.in_bands(count, work, WIDE_BAND)
+    @property
+    def threads(self) -> int:
+        """How many compute."""
+        return self._caster.threads
 
-    def in_parts(self, shared: Shared, data: tuple[Any, ...], count: int) -> None:
-        """Have a kernel cover a number of pixels, in several threads."""
-        self._caster.in_parts(shared, data, count)
+    def in_parts(self, shared: Shared, data: tuple[Any, ...], count: int, size: int = BAND) -> None:
+        """Have a kernel cover a number of pixels, in several threads, so many at a time."""
+        self._caster.in_parts(shared, data, count, size)
 
     @property
     def caster(self) -> RayCaster:
@@ -329,14 +331,16 @@ class View:
                 high=FAR_M,
                 skip_row=self.skipped_row(camera.owner_id, camera.location),
             )
+        slopes = camera_slopes(camera)
         return self._caster.cast_together(
             self.frame.scene,
             np.asarray(camera.location),
-            pixel_rays(camera, self.in_parts),
+            np.empty((len(slopes.right), 3), np.float32),
             picture_packets(camera.width, camera.height),
             low=NEAR_M,
             high=FAR_M,
             skip_row=self.skipped_row(camera.owner_id, camera.location),
+            slopes=slopes,
         )
 
     def automatic_exposure(self, weather: Weather) -> float:

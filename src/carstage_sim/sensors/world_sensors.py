@@ -116,7 +116,7 @@ class WorldSensors:
                 those.
         """
         self._pictures.warm_up(self._store)
-        lidar.warm_up()
+        lidar.warm_up(self._caster.in_parts)
         frame = self._store.frame([])
         await_rays()
         self._pictures.warm_up_rays(self._store)
@@ -195,9 +195,18 @@ class WorldSensors:
             yield
 
     def frames_of(
-        self, state: WorldState, due: Sequence[tuple[SensorRequest, Sensor]]
+        self,
+        state: WorldState,
+        due: Sequence[tuple[SensorRequest, Sensor]],
+        begun: Callable[[], None] = lambda: None,
     ) -> Iterator[tuple[int, SensorFrame]]:
-        """Frames of sensors whose turn it is in a tick, from :meth:`due`."""
+        """Frames of sensors whose turn it is in a tick, from :meth:`due`.
+
+        Args:
+            state: the tick.
+            due: the sensors.
+            begun: called when threads are at work on the first of them.
+        """
         view = self._view(state)
         views = {frozenset[int](): view}
         rays_before = self._caster.ray_count
@@ -220,7 +229,7 @@ class WorldSensors:
         ]
         if due:
             _ = view.frame  # which all wait for, made while no other thread wants the interpreter
-        reports = self._side_by_side.results(pieces)
+        reports = self._side_by_side.results(pieces, begun)
         for (request, _), reported in zip(due, reports, strict=True):
             for frame in reported:
                 yield request.sensor_id, frame

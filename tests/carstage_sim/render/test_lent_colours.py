@@ -127,3 +127,40 @@ def test_the_rays_that_are_left_look_beside_the_centres_of_their_pixels():
     aimed[:] = 0.0
     alone(aim_again, (directions, rough.pixels, offsets, np.arange(4) == 3, aimed), 0, 2)
     assert aimed.tolist() == [[0.0] * 3] * 3 + [[1.0, 1.0, 0.75]], "the others stay as they are"
+
+
+@pytest.mark.parametrize("threads", [1, 4])
+def test_rays_that_are_left_fill_packets_in_their_order(threads):
+    """Packets are joined as long as all of the next would have fitted in."""
+    width, height, rng = 90, 70, np.random.default_rng(2)
+    count = width * height
+    triangle = rng.integers(0, 2, count)
+    edges = np.flatnonzero(rng.random(count) < 0.8).astype(np.int32)
+    places = rng.integers(0, 33, 2 * len(edges)).cumsum()
+    begins = np.array([0, *places[places < len(edges)], len(edges)], np.int32)
+    offsets = np.array([[-0.3, 0.2], [0.3, -0.2]], np.float32)
+    rough = Rough(edges, begins, np.zeros(count, np.uint8))
+    packets, colour = extra_rays(rough, 2), np.full((count, 3), 0.2, np.float32)
+    again = hits(np.full(2 * len(edges), -1), rng.integers(0, 8, 2 * len(edges)))
+    shown_by, out = hits(np.full(count, -1), triangle), np.full((2 * len(edges), 3), -1, np.float32)
+    caster = RayCaster(threads)
+    left = lent(
+        caster, shown_by, (width, height), colour, edges, offsets, again, packets, out
+    )  # fmt: skip
+    corners = np.zeros((2, 3, 3)) + np.array([[0, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    corners[1] = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    mix_out = np.full_like(out, -1)
+    traced = mixed(
+        caster, frame_of(soup(corners)), material_table().detail, shown_by, (width, height),
+        colour, edges, offsets, packets, mix_out,
+    )  # fmt: skip
+    caster.close()
+    for found, colours in ((left, out), (traced, mix_out)):
+        order, starts = [], [0]
+        for first, last in zip(packets.starts, packets.starts[1:], strict=False):
+            if last - first + len(order) - starts[-1] > 64:
+                starts.append(len(order))
+            order += [ray for ray in range(first, last) if colours[ray, 0] == -1]
+        assert 1000 < len(order) < len(out)
+        assert found.order.tolist() == order
+        assert found.starts.tolist() == [*starts, len(order)]

@@ -11,7 +11,7 @@ from carstage_sim.geometry import rotation_matrix
 from carstage_sim.render.caster import RayCaster, picture_packets
 from carstage_sim.render.scene import Placement
 from carstage_sim.sensors.lens import PINHOLE, Lens
-from carstage_sim.sensors.view import Camera, pixel_rays
+from carstage_sim.sensors.view import Camera, camera_slopes, pixel_rays
 from ray_scenes import frame_of, soup, sphere, turned_box
 
 pytestmark = pytest.mark.xdist_group("kernels")
@@ -45,7 +45,11 @@ def both(frame, camera, *, low=0.1, high=1000.0, skip_row=-1, threads=1):
     alone = caster.cast(frame.scene, place, rays, **span)
     packets = picture_packets(camera.width, camera.height)
     together = caster.cast_together(frame.scene, place, rays, packets, **span)
+    slopes, unwritten = camera_slopes(camera), np.full_like(rays, np.nan)
+    aimed = caster.cast_together(frame.scene, place, unwritten, packets, slopes=slopes, **span)
     caster.close()
+    assert aimed.directions.tobytes() == rays.tobytes()
+    assert_equal(aimed, together)
     return alone, together
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from carstage_sim.kernels import kernel
 from carstage_sim.mesh import Material
-from carstage_sim.render.caster import Hits, RayCaster
+from carstage_sim.render.caster import Hits, RayCaster, picture_packets
 from carstage_sim.render.edges import EVEN, rough_pixels
 from carstage_sim.render.film import develop_even, film_codes, weight_in_mean
 from carstage_sim.render.materials import material_table
@@ -153,3 +153,32 @@ def test_a_mean_of_nine_keeps_the_light_and_as_much_noise_as_three_rays():
     wanted = film_codes(2.2)[np.rint(mean * 8191).astype(int)]
     assert np.abs(pixels[_MIDDLE, 2::-1].astype(int) - wanted).max() <= 1
     assert not pixels[np.arange(len(pixels)) != _MIDDLE].any()
+
+
+@pytest.mark.parametrize("quality", list(Quality))
+@pytest.mark.parametrize("threads", [1, 4])
+def test_rough_pixels_are_gathered_square_after_square(threads, quality):
+    """In groups of those whose rays fit into a packet, none of two squares."""
+    width, height, rng = 61, 283, np.random.default_rng(4)
+    count = width * height
+    triangle = rng.integers(0, 9, count).astype(np.int32)
+    hits = Hits(
+        np.zeros(3, np.float32), np.ones((count, 3), np.float32), np.ones(count, np.float32),
+        np.full(count, -1, np.int32), triangle, np.zeros((count, 2), np.float32),
+    )  # fmt: skip
+    codes = np.zeros((height, width, 4), np.uint8)
+    codes[:, :30][rng.random((height, 30)) < 0.15] = 200
+    codes[64:80] = 0  # squares without any
+    caster, frame = RayCaster(threads), frame_of(soup(np.zeros((9, 3, 3)) + np.eye(3)))
+    sampling = SAMPLING[quality]
+    found = rough_pixels(caster, frame, material_table().detail, hits, codes, sampling)
+    caster.close()
+    squares, room = picture_packets(width, height), 64 // len(sampling.offsets)
+    pixels, begins = [], []
+    for first, last in zip(squares.starts, squares.starts[1:], strict=False):
+        rough = [i for i in squares.order[first:last].tolist() if found.marks[i] == 1]
+        begins += range(len(pixels), len(pixels) + len(rough), room)
+        pixels += rough
+    assert 1000 < len(pixels) < count
+    assert found.pixels.tolist() == pixels
+    assert found.begins.tolist() == [*begins, len(pixels)]

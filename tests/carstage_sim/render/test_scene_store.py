@@ -86,6 +86,22 @@ def test_a_model_that_was_prepared_costs_its_first_frame_nothing():
     assert len(frame.actors.tag) == 2 * len(unprepared.actors.tag)
 
 
+def test_colours_are_those_of_who_is_in_each_frame():
+    store = SceneStore(None, lambda _key: turned_box((1.0, 1.0, 1.0)), cache=None)
+    red, blue = (((200, 0, 0),) * PAINTS, ((0, 0, 200),) * PAINTS)
+
+    def frame(*colours):
+        return store.frame(
+            [Placement(n, "a", np.zeros(3), np.eye(3), one) for n, one in enumerate(colours)]
+        )
+
+    first = frame(red, blue)
+    for colours in ((red, blue), (blue, red), (blue,), (), (red, blue)):
+        wanted = linear_colour(np.array(colours, np.uint8).reshape(-1, PAINTS, 3))
+        assert np.array_equal(frame(*colours).colour, wanted)
+    assert np.array_equal(first.colour, frame(red, blue).colour), "it stays as it was"
+
+
 def test_models_of_one_moment_leave_no_hierarchy_in_the_cache(tmp_path):
     store = SceneStore(None, lambda _key: turned_box((1.0, 1.0, 1.0)), cache=tmp_path)
     store.prepare([f"figure{PASSING}pose"])

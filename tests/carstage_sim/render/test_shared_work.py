@@ -1,4 +1,4 @@
-"""Threads that share work: every part is taken once, errors come back, threads may be shared."""
+"""Threads that share work: every part is taken once, threads may be shared."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from carstage_sim.kernels import device, kernel
 from carstage_sim.render.caster import Packets, RayCaster
-from carstage_sim.render.crew import CALLS, Crew, add, do, for_workers, load
-from carstage_sim.render.sharing import Team
+from carstage_sim.render.crew import CALLS, Crew, add, do, do_step, for_workers, load
 from driving import wait_for
 
 
@@ -109,6 +108,41 @@ def test_many_jobs_of_several_callers_are_all_done(crew: Crew) -> None:
 
 
 @device
+def _next_part(before, after, reach, worker, first, last):  # type: ignore[no-untyped-def]
+    for number in range(first, last):
+        after[number] = before[(number + reach) % len(before)] + 1
+
+
+@kernel
+def _in_steps(data, board, job, work):  # type: ignore[no-untyped-def]
+    one, other, reach = data
+    do(_next_part, (one, other, reach), board, job, work)
+    for _ in range(2):
+        do_step(_next_part, (other, one, reach), board, job, work, 1, len(one), 3)
+        do_step(_next_part, (one, other, reach), board, job, work, 2, len(one), 5)
+
+
+def test_steps_of_one_call_begin_when_those_before_are_done(crew: Crew) -> None:
+    """Each reads what others of the step before wrote; many callers use the rows in turn."""
+    wrong: list[int] = []
+
+    def ask(count: int) -> None:
+        for turn in range(200):
+            one, other = np.zeros(count, np.int64), np.zeros(count, np.int64)
+            with crew.job(0, count, 2) as (job, work):
+                _in_steps((one, other, turn), crew.board, job, work)
+            wrong.append(int((one != 4).sum() + (other != 5).sum()))
+
+    callers = [threading.Thread(target=ask, args=(number,)) for number in range(60, 80)]
+    for caller in callers:
+        caller.start()
+    for caller in callers:
+        caller.join()
+    assert len(wrong) == 4000
+    assert not any(wrong)
+
+
+@device
 def _wait_part(gates, order, place, mark, worker, first, last):  # type: ignore[no-untyped-def]
     while first < len(gates) and not load(gates, first):
         pass
@@ -154,17 +188,6 @@ def test_what_threads_write_to_is_apart(crew: Crew) -> None:
         assert one.strides[0] - int(np.prod(needed)) * one.itemsize >= 128
 
 
-@pytest.mark.parametrize("count", [0, 1, 5, 6, 1000])
-def test_bands_cover_a_range_once(caster: RayCaster, count: int) -> None:
-    taken = np.zeros(count, np.int64)
-
-    def work(first: int, last: int) -> None:
-        taken[first:last] += 1
-
-    caster.in_bands(count, work, 5)
-    assert (taken == 1).all()
-
-
 @pytest.mark.parametrize("count", [0, 1, 17, 5000])
 def test_in_pieces_every_part_is_taken_once_and_others_come_in_between(
     caster: RayCaster, count: int
@@ -190,57 +213,3 @@ def test_in_pieces_every_part_is_taken_once_and_others_come_in_between(
     caster.in_packets(_count_taken, (taken, by), packets)
     assert len(seen) == calls
     assert (taken == 2).all()
-
-
-def test_several_callers_share_the_threads(caster: RayCaster) -> None:
-    together = threading.Barrier(3)
-    sums: list[int] = []
-
-    def ask() -> None:
-        found: list[int] = []
-        together.wait(10.0)
-        caster.in_bands(200, lambda first, last: found.extend(range(first, last)), 3)
-        sums.append(sum(found))
-
-    callers = [threading.Thread(target=ask) for _ in range(3)]
-    for caller in callers:
-        caller.start()
-    for caller in callers:
-        caller.join()
-    assert sums == [sum(range(200))] * 3
-
-
-def test_who_joins_does_not_wait_for_threads_that_are_busy_elsewhere() -> None:
-    team, free = Team(2, "test"), threading.Event()
-    busy = threading.Barrier(3)
-    done: list[int] = []
-    in_time: list[bool] = []
-
-    def occupy() -> None:
-        busy.wait(10.0)
-        in_time.append(free.wait(10.0))
-
-    other = threading.Thread(target=lambda: team.do(occupy, 2))
-    other.start()
-    busy.wait(10.0)
-    left = iter(range(5))
-    team.do(lambda: done.extend(left), 5, joined=True)
-    free.set()
-    other.join()
-    assert in_time == [True, True], "it came back while they were busy"
-    team.do(lambda: done.append(5), 2)  # the threads go on, and begin nothing that is over
-    team.close()
-    assert done[:5] == list(range(5))
-    assert set(done[5:]) == {5}
-
-
-def test_an_error_of_a_thread_is_raised_and_the_threads_work_on(caster: RayCaster) -> None:
-    def fail(first: int, last: int) -> None:
-        if first == 50:
-            raise ValueError("band 50")
-
-    with pytest.raises(ValueError, match="band 50"):
-        caster.in_bands(100, fail, 10)
-    done: list[int] = []
-    caster.in_bands(100, lambda first, last: done.append(first), 10)
-    assert sorted(done) == list(range(0, 100, 10))

@@ -11,7 +11,7 @@ import pytest
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.render.cast import NOTHING, STATIC
 from carstage_sim.render.crew import Shared, alone
-from carstage_sim.render.motion import earlier_places, no_motion
+from carstage_sim.render.motion import flow_of_motions, no_motion
 from carstage_sim.render.pixel_kernels import InParts, in_one
 from carstage_sim.sensors.cameras import (
     encode_depth,
@@ -100,19 +100,23 @@ def test_a_semantic_picture_has_the_tag_in_red_and_nothing_else() -> None:
     assert (pixels[..., 3] == 255).all()
 
 
-def test_a_part_of_the_earlier_places_is_that_of_all() -> None:
+@pytest.mark.parametrize("in_parts", [in_one, in_threes])
+def test_flow_is_from_the_earlier_places_within_bounds(in_parts: InParts) -> None:
     rng = np.random.default_rng(7)
     count = 40
-    hits: Any = SimpleNamespace(
-        row=np.where(rng.random(count) < 0.2, NOTHING, STATIC).astype(np.int32),
-        triangle=np.zeros(count, np.int32),
-        weights=np.zeros((count, 2), np.float32),
-        t=rng.uniform(1.0, 50.0, count).astype(np.float32),
-    )
-    places = (rng.uniform(-1, 1, count), rng.uniform(-1, 1, count))
-    shift = np.array([[0.5, -0.2, 0.1]])
-    moved = no_motion(0)._replace(shift=shift)
-    whole = earlier_places(moved, hits, places, (1.0, 0.6), 0, count)
-    parts = [earlier_places(moved, hits, places, (1.0, 0.6), *part) for part in ((0, 13), (13, 40))]
-    np.testing.assert_array_equal(np.concatenate(parts, axis=1), whole)
-    assert np.abs(whole[0] - places[0]).max() > 0.001
+    row = np.where(rng.random(count) < 0.2, NOTHING, STATIC).astype(np.int32)
+    met = row, np.zeros(count, np.int32), np.zeros((count, 2), np.float32)
+    depth = rng.uniform(0.1, 50.0, count).astype(np.float32)
+    x, y = rng.uniform(-1, 1, count), rng.uniform(-1, 1, count)
+    moved = no_motion(0)._replace(shift=np.array([[0.5, -0.2, 9.0]]))
+    data = moved, *met, depth, x, y, 1.0, 0.6
+    before, flow = np.empty((2, count)), np.empty((count, 2), np.float32)
+    in_parts(flow_of_motions, (*data, before, flow), count)
+    in_parts(flow_of_motions, (*data, np.empty((2, 0)), flow), count)
+    near = np.where(row == NOTHING, 0.0, 1.0 / depth.astype(np.float64))
+    ahead = 1.0 + 0.5 * near
+    np.testing.assert_allclose(before[0], (x - 0.2 * near) / ahead)
+    np.testing.assert_allclose(before[1], (y * -0.6 + 9.0 * near) / ahead / -0.6)
+    wanted = np.stack([x - before[0], before[1] - y], axis=1).astype(np.float32)
+    assert (wanted < -2.0).any()
+    np.testing.assert_array_equal(flow, np.clip(wanted, -2.0, 2.0))

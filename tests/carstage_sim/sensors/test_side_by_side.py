@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from carstage_sim.sensors.side_by_side import Once, Piece, SideBySide
+from waiting import await_that
 
 WAIT_S = 10.0
 
@@ -35,6 +36,20 @@ def test_results_come_in_order_while_later_pieces_are_done(side_by_side: SideByS
         return 2
 
     assert list(side_by_side.results([piece(first), piece(second)])) == [1, 2]
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_it_is_told_when_the_first_pieces_are_begun(side_by_side: SideBySide, count: int) -> None:
+    told: list[int] = []
+
+    def work() -> int:
+        await_that(lambda: bool(told))
+        return len(told)
+
+    pieces = [piece(work) for _ in range(count)]
+    assert list(side_by_side.results(pieces, lambda: told.append(1))) == [1] * count
+    assert list(side_by_side.results([], lambda: told.append(2))) == []
+    assert told == [1, 2]
 
 
 def test_what_shares_more_is_done_by_the_caller_in_its_turn(side_by_side: SideBySide) -> None:

@@ -229,6 +229,52 @@ def test_sensors_that_look_at_nothing_are_measured_while_a_picture_is_drawn(
     assert frame_of(read_message(camera)) == frame
 
 
+def test_drawing_begins_before_what_looks_at_nothing_is_measured(
+    rig: Rig, gate: Gate, simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Both need Python's lock, and the next tick waits for the pictures."""
+    monkeypatch.setattr("carstage_sim.simulation._MOST_WAIT_S", 60.0)
+    camera, imu = rig.subscribed(rig.camera), rig.subscribed(rig.imu)
+    sensors, order = simulation._sensors, []
+    make, wait, measure = sensors.frame_of, simulation.let_drawing_begin, simulation.measure
+
+    def made(state: Any) -> Any:
+        await_that(lambda: bool(order))
+        order.append("frame")
+        return make(state)
+
+    monkeypatch.setattr(sensors, "frame_of", made)
+    monkeypatch.setattr(simulation, "let_drawing_begin", lambda: (order.append("waits"), wait()))
+    monkeypatch.setattr(
+        simulation, "measure", lambda scene: (order.append("measured"), measure(scene))[1]
+    )
+    gate.open.clear()
+    frame = rig.client.value("tick_cue")
+    assert frame_of(read_message(imu)) == frame
+    assert order == ["waits", "frame", "measured"]
+    assert gate.done == 0
+    gate.open.set()
+    assert frame_of(read_message(camera)) == frame
+
+
+def test_a_scene_that_takes_long_to_make_holds_up_nothing_else(
+    rig: Rig, simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    camera, imu = rig.subscribed(rig.camera), rig.subscribed(rig.imu)
+    sensors, came = simulation._sensors, threading.Event()
+    make = sensors.frame_of
+
+    def made(state: Any) -> Any:
+        assert came.wait(60.0)
+        return make(state)
+
+    monkeypatch.setattr(sensors, "frame_of", made)
+    frame = rig.client.value("tick_cue")
+    assert frame_of(read_message(imu)) == frame
+    came.set()
+    assert frame_of(read_message(camera)) == frame
+
+
 def test_a_tick_waits_a_second_at_most_while_one_frame_waits_to_be_drawn(
     rig: Rig, gate: Gate
 ) -> None:

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.render.cast import Scene
-from carstage_sim.render.caster import Hits, Packets, RayCaster
+from carstage_sim.render.caster import AIMED, Hits, Packets, RayCaster, Slopes
 from carstage_sim.render.gpu.device import Gpu, wgsl
 from carstage_sim.render.gpu.geometry import GpuGeometry
 from carstage_sim.render.gpu.transfer import padded
+from carstage_sim.render.pixel_kernels import ray_directions
 
 GROUP = 64
 """Rays of a work group."""
@@ -123,8 +124,11 @@ class GpuCaster(RayCaster):
         low: float,
         high: float,
         skip_row: int = -1,
+        slopes: Slopes = AIMED,
     ) -> Hits:
         """Nearest hits of rays, which a card sorts by itself."""
+        if len(slopes.right):
+            self.in_parts(ray_directions, (*slopes, directions), len(directions))
         return self.cast(scene, origin, directions, low=low, high=high, skip_row=skip_row)
 
     def _pipeline(self) -> Any:

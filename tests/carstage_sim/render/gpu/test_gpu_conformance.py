@@ -113,3 +113,23 @@ def test_semantic_lidars_agree_and_frames_repeat_to_the_byte(suites):
     assert gpu.tobytes() == again.tobytes()
     assert (cpu["object_idx"] == gpu["object_idx"]).mean() > 0.9999
     assert np.allclose(cpu["x"], gpu["x"], atol=1e-3)
+
+
+def test_effects_of_lens_and_sensor_are_those_of_the_cpu(suites):
+    effects = {"shutter_blur": "true", "shutter_speed": 30, "sensor_noise": "true"}
+    bright = {"exposure_mode": "manual", "exposure_compensation": 4.0}
+    size = {"image_size_x": 320, "image_size_y": 192}
+    state = sensor_worlds.state(1, vehicles=[(7, (8.0, 1.0, 0.0), 40.0)], velocity=(0.0, 6.0, 0.0))
+    pictures = []
+    for sensors in suites:
+        sensors.reset()
+        asked = [
+            sensor_worlds.request("camera.rgb", 500, **size, **bright, bloom_intensity=0),
+            sensor_worlds.request("camera.rgb", 501, **size, **bright, **effects),
+        ]
+        pictures.append([frame.pixels for _, frame in sensors.capture(state, asked)])
+    (plain, cpu), (_, card) = pictures
+    assert (plain[..., :3] >= 240).any(), "something is brighter than white"
+    assert (cpu != plain).any(axis=-1).mean() > 0.5
+    apart = abs(cpu.astype(int) - card).max(axis=-1)
+    assert (apart > 2).sum() < MOST_COLOURS * apart.size

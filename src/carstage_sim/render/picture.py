@@ -35,7 +35,6 @@ from carstage_sim.render.sensor_noise import draw_noise, noise_table
 from carstage_sim.render.shading import RayHits, ShadedFrame
 from carstage_sim.render.shared_kernels import share_shade_packets
 from carstage_sim.render.sky import Lighting, SkyModel
-from carstage_sim.world.debug_shapes import DebugShapes
 from carstage_sim.world.state import Weather
 
 _EDGES = 1024
@@ -54,7 +53,6 @@ class Picture:
         hits: of the pixel centres, row by row.
         skip_row: instance row that rays pass through, -1 for none.
         low, high: interval of depths.
-        shapes: debug shapes to draw, None for none.
         film: how light becomes codes.
         rows: what each row sees, where they are exposed one after the other; else None.
     """
@@ -67,7 +65,6 @@ class Picture:
     skip_row: int
     low: float
     high: float
-    shapes: DebugShapes | None = None
     film: Film = field(default_factory=Film)
     rows: Rows | None = None
 
@@ -219,8 +216,6 @@ class PictureMaker:
         if len(rough.pixels):
             again = self._sampled_again(frame, picture, rough, light, colours)
             self._develop_means(picture.film, colours, again, rough.pixels, pixels)
-        if picture.shapes is not None:
-            _draw(picture.shapes, picture, pixels[..., 2::-1])
         return pixels
 
     def _sampled_again(
@@ -303,20 +298,3 @@ def _nothing_met() -> tuple[Hits, Packets]:
     hits.triangle.fill(-1)
     hits.weights.fill(0.0)
     return hits, picture_packets(2, 1)
-
-
-def _draw(shapes: DebugShapes, picture: Picture, codes: NDArray[np.uint8]) -> None:
-    """Draw debug shapes over a picture."""
-    offset = shapes.segments - picture.hits.origin.astype(np.float64)
-    # Sums written out: a matrix product may add in another order on another machine.
-    ends = sum(offset[..., axis, None] * picture.rotation[axis] for axis in range(3))
-    draw_shapes(
-        ends,
-        shapes.size,
-        shapes.is_point,
-        shapes.colour,
-        focal_px=picture.width / (2.0 * np.tan(np.radians(picture.fov_deg) / 2.0)),
-        near_m=picture.low,
-        depth=picture.hits.t.reshape(picture.height, picture.width),
-        pixels=codes,
-    )

@@ -210,10 +210,11 @@ class RgbCamera(RollingCamera):
         self._adaptation.note(state)
 
     def measure(self, state: WorldState, request: SensorRequest, view: View) -> ImageFrame:
-        """The picture, alpha 255, with the effects that were asked for."""
+        """The picture, alpha 255, with the effects that were asked for; debug shapes over it."""
         camera, film = self.exposing(state, request, view), self._film(state, view)
         pixels = view.pixels(camera, film)
-        return self.image(self.effects.on(pixels, film, camera, (state, request, view)))
+        seen = self.effects.on(pixels, film, camera, (state, request, view))
+        return self.image(view.with_shapes(camera, seen))
 
     def announce(self, state: WorldState, request: SensorRequest, view: View) -> None:
         """Its colours will be asked for."""

@@ -28,6 +28,7 @@ from carstage_sim.render.film import Film
 from carstage_sim.render.gpu.camera import GpuCameras, Pending, Product, Shot
 from carstage_sim.render.motion import Motions
 from carstage_sim.render.normals import smooth_normals
+from carstage_sim.render.overlay import draw_shapes
 from carstage_sim.render.picture import Picture, PictureMaker
 from carstage_sim.render.pixel_kernels import (
     FAR_M,
@@ -421,11 +422,11 @@ class View:
         )
 
     def colours(self, camera: Camera, film: Film) -> NDArray[np.uint8]:
-        """``(H, W, 3)`` uint8 sRGB picture, shaded once per tick, camera and film."""
-        return self.pixels(camera, film)[..., 2::-1]
+        """``(H, W, 3)`` uint8 sRGB picture, with debug shapes."""
+        return self.with_shapes(camera, self.pixels(camera, film))[..., 2::-1]
 
     def pixels(self, camera: Camera, film: Film) -> NDArray[np.uint8]:
-        """As :meth:`colours`, ``(H, W, 4)`` BGRA."""
+        """``(H, W, 4)`` BGRA picture, shaded once per tick, camera and film."""
         made = self.on_card(camera, Product.COLOURS, film)
         if made is not None:
             return made
@@ -434,6 +435,27 @@ class View:
                 (camera, film), Once(partial(self._paint, camera, film))
             )
         return pixels()
+
+    def with_shapes(self, camera: Camera, pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """A camera's picture with the debug shapes over it; the same array where there are none."""
+        shapes = self._shapes
+        if shapes is None:
+            return pixels
+        rotation, hits = rotation_matrix(camera.rotation_deg), self.camera(camera)
+        offset = shapes.segments - hits.origin.astype(np.float64)
+        drawn = pixels.copy()
+        draw_shapes(
+            # Sums written out: a matrix product may add in another order on another machine.
+            sum(offset[..., axis, None] * rotation[axis] for axis in range(3)),
+            shapes.size,
+            shapes.is_point,
+            shapes.colour,
+            focal_px=camera.width / (2.0 * np.tan(np.radians(camera.fov_deg) / 2.0)),
+            near_m=NEAR_M,
+            depth=hits.t.reshape(camera.height, camera.width),
+            pixels=drawn[..., 2::-1],
+        )
+        return drawn
 
     def _paint(self, camera: Camera, film: Film) -> NDArray[np.uint8]:
         picture = Picture(
@@ -445,7 +467,6 @@ class View:
             skip_row=self.skipped_row(camera.owner_id, camera.location),
             low=NEAR_M,
             high=FAR_M,
-            shapes=self._shapes,
             film=film,
             rows=self._rows_of(camera),
         )

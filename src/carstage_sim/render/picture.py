@@ -228,7 +228,8 @@ class PictureMaker:
     ) -> NDArray[np.float32]:
         """``(E * K, 3)`` colours of the ``K`` further rays through each of ``E`` rough pixels."""
         places, edges, angle = self._sampling.offsets, rough.pixels, _pixel_angle(picture)
-        # The offset is in pixels: right along the second axis of the camera, down its third.
+        # The offset is in pixels: right along the second axis of the camera, down its third. Rows
+        # that are exposed one by one are turned by a few degrees at most: a share of a pixel's.
         right = (picture.rotation[:, 1] * angle).astype(np.float32)
         down = (-picture.rotation[:, 2] * angle).astype(np.float32)
         offsets = places[:, :1] * right + places[:, 1:] * down

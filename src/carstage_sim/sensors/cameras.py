@@ -154,12 +154,13 @@ class RollingCamera(CameraSensor):
         if view.has_card and not self._said:
             self._said = True
             _log.info("sensor %d has a rolling shutter: the CPU draws it", request.sensor_id)
-        rows = np.flatnonzero(state.actor_id == request.owner_id) if request.owner_id else ()
-        around, velocity, turn_rate = request.location, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-        for row in rows:
-            around, velocity = tuple(state.location[row]), tuple(state.velocity[row])
-            turn_rate = tuple(np.radians(state.angular_velocity_deg[row]))
-        shutter = RollingShutter(self.rolling_s, around, velocity, turn_rate)
+        still = (0.0, 0.0, 0.0)
+        shutter = RollingShutter(self.rolling_s, request.location, still, still)
+        rows = np.flatnonzero(state.actor_id == request.owner_id)
+        if request.owner_id and len(rows):
+            motion = (state.location, state.velocity, np.radians(state.angular_velocity_deg))
+            around, velocity, turn_rate = (tuple(values[rows[0]].tolist()) for values in motion)
+            shutter = RollingShutter(self.rolling_s, around, velocity, turn_rate)
         return replace(camera, shutter=shutter)
 
 

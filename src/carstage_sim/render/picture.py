@@ -19,7 +19,6 @@ from carstage_sim.render.caster import (
 )
 from carstage_sim.render.crew import for_workers
 from carstage_sim.render.edges import Rough, rough_pixels
-from carstage_sim.render.exposure_blur import blurred
 from carstage_sim.render.film import Film, develop_means, film_codes
 from carstage_sim.render.glare import with_glare
 from carstage_sim.render.lending import aim_again, extra_rays, lent, mixed
@@ -31,7 +30,6 @@ from carstage_sim.render.packet_shading import new_shade_scratch
 from carstage_sim.render.quality import SAMPLING, Quality
 from carstage_sim.render.rolling import Rows
 from carstage_sim.render.scene import Frame, SceneStore
-from carstage_sim.render.sensor_noise import draw_noise, noise_table
 from carstage_sim.render.shading import RayHits, ShadedFrame
 from carstage_sim.render.shared_kernels import share_shade_packets
 from carstage_sim.render.sky import Lighting, SkyModel
@@ -100,7 +98,10 @@ class PictureMaker:
         self._shade(frame, hits, packets, -1, 1e-3, light, colours, film)
 
     def warm_up(self, store: SceneStore) -> None:
-        """Compile, or load, all other kernels of pictures: of building, sampling, developing."""
+        """Compile, or load, all other kernels of pictures: of building, sampling, developing.
+
+        Those of blur and noise, which few cameras ask for, are left to the first that does.
+        """
         boxes = np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32)
         refitted_tree(build_tree(*boxes, 1), *boxes)
         frame, (hits, packets) = store.frame([]), _nothing_met()
@@ -128,11 +129,6 @@ class PictureMaker:
         )  # fmt: skip
         nothing = np.zeros((2, 3), np.float32)
         self._develop_means(film, nothing, nothing, np.arange(2, dtype=np.int32), pixels)
-        flat = pixels.reshape(-1, 4)
-        noise = noise_table(film.iso, film.gamma), np.uint32(0), flat, flat.copy()
-        self._caster.in_parts(draw_noise, noise, len(flat))
-        moved = np.full((1, 2, 2), 0.1, np.float32)
-        blurred(self._caster, film, pixels, hits.t, moved)
         with_glare(self._caster, film, np.full((8, 8, 4), 255, np.uint8), 1.0, 1.0)
         line = np.array([[[2.0, 0.0, 0.0], [2.0, 1.0, 0.0]]])
         draw_shapes(

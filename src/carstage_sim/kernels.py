@@ -121,4 +121,9 @@ device: Decorator = partial(linked, _nrt=False, **_OPTIONS)
 """Decorator of functions that only kernels call; compiled into each kernel that uses them."""
 
 inlined: Decorator = partial(linked, _nrt=False, forceinline=True, **_OPTIONS)
-"""As ``device``, without a call: for functions that get whole records, which a call would copy."""
+"""As ``device``, without a call: for functions that get whole records, which a call would copy.
+
+Numba hands this down: what such a function is the first to call is inlined, too, and all below it.
+For colours and rays that is wanted: a colour picture takes a sixth less CPU time so. Their kernels
+are larger for it, and all kernels together take a quarter more to compile.
+"""

@@ -116,6 +116,26 @@ def test_a_pole_leans_as_a_driving_camera_sees_it(pole):
     assert column[0] - column[-1] == pytest.approx(16.1, abs=0.8)
 
 
+def test_what_leans_is_blurred_where_it_is_seen(pole):
+    """The pole is 0.5 m wide, 10 m away: 3.2 pixels; in 1/20 s it goes by 1 m, or 6.4 pixels."""
+    world = state(vehicles=[_FAR_CARRIER], velocity=(0.0, 20.0, 0.0))
+    attributes = {"owner_id": 40, "shutter_speed": 20, "bloom_intensity": 0}
+    attributes["lens_flare_intensity"] = 0
+    tags, sharp, blurred = pixels(
+        pole,
+        world,
+        rolling("semantic_segmentation", owner_id=40),
+        rolling("rgb", 101, **attributes),
+        rolling("rgb", 102, shutter_blur="true", **attributes),
+    )
+    column = middle_columns(tags[..., 2] == CityObjectLabel.POLES)
+    assert np.ptp(column) > 10.0
+    changed = (sharp != blurred).any(axis=-1)
+    away = np.abs(np.arange(_WIDTH) + 0.5 - column[:, None])
+    assert not changed[away > 6.5].any()
+    assert changed[(away > 2.5) & (away < 4.0)].mean() > 0.9
+
+
 @pytest.mark.parametrize("owner_id", [0, 41])
 def test_each_row_is_that_of_the_world_of_its_time(street, owner_id):
     """A car that crosses and turns, before a camera at rest or one that drives and turns alike."""

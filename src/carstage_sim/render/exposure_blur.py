@@ -84,6 +84,15 @@ def _longest_beside(most, row, column):  # type: ignore[no-untyped-def]
 
 
 @device
+def _on_way(t, u, v, height, width, y, x):  # type: ignore[no-untyped-def]
+    """The pixel at a part of another's way, -1 to 1; -1 outside the picture."""
+    across, down = math.floor(x + _HALF + t * u), math.floor(y + _HALF + t * v)
+    if across < 0 or down < 0 or across >= width or down >= height:
+        return -1
+    return down * width + across
+
+
+@device
 def _own_light(light, pixels, depth, half_way, height, width, y, x):  # type: ignore[no-untyped-def]
     """Light of a pixel's own surface, and of what is behind it, along its way."""
     i = y * width + x
@@ -98,11 +107,8 @@ def _own_light(light, pixels, depth, half_way, height, width, y, x):  # type: ig
     count, blue, green, red = _ZERO, _ZERO, _ZERO, _ZERO
     for k in range(samples):
         t = (np.float32(2 * k + 1) / np.float32(samples)) - _ONE
-        across, down = math.floor(x + _HALF + t * u), math.floor(y + _HALF + t * v)
-        if across < 0 or down < 0 or across >= width or down >= height:
-            continue
-        j = down * width + across
-        if min(depth[j], _FAR_M) < nearest:
+        j = _on_way(t, u, v, height, width, y, x)
+        if j < 0 or min(depth[j], _FAR_M) < nearest:
             continue
         blue += light[pixels[j, 0]]
         green += light[pixels[j, 1]]
@@ -121,11 +127,8 @@ def _light_in_front(light, pixels, depth, half_way, height, width, y, x, u, v, l
     share, blue, green, red = _ZERO, _ZERO, _ZERO, _ZERO
     for k in range(samples):
         t = (np.float32(2 * k + 1) / np.float32(samples)) - _ONE
-        across, down = math.floor(x + _HALF + t * u), math.floor(y + _HALF + t * v)
-        if across < 0 or down < 0 or across >= width or down >= height:
-            continue
-        j = down * width + across
-        if min(depth[j], _FAR_M) >= nearest:
+        j = _on_way(t, u, v, height, width, y, x)
+        if j < 0 or min(depth[j], _FAR_M) >= nearest:
             continue
         way = abs(half_way[j, 0] * u + half_way[j, 1] * v) / length
         if way < _STILL or abs(t) * length > way:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.kernels import device, kernel
+from carstage_sim.kernels import device, inlined, kernel
 from carstage_sim.render.caster import Hits, Packets, RayCaster
 from carstage_sim.render.crew import Shared, do, do_step
 from carstage_sim.render.edges import Rough, alike
@@ -187,17 +187,24 @@ def _gather_part(order, starts, open_, places, chosen, worker, first, last):  # 
                 at += 1
 
 
+@inlined
+def _gather_open(room, board, job, work):  # type: ignore[no-untyped-def]
+    """Gather the rays that a job of the packets has left open, as a :class:`_Gathering` has it."""
+    order, starts, open_, places, chosen, begins, sums = room
+    _place(starts, places, begins, sums)
+    gathering = order, starts, open_, places, chosen
+    do_step(_gather_part, gathering, board, job, work, 1, work[1], work[2])
+
+
 @kernel
 def _mix_and_gather(data, board, job, work):  # type: ignore[no-untyped-def]
     """Mix the extra rays of pixels; aim, and gather, those that are left open.
 
     The data are those of mixing and of :class:`_Gathering`, and the items are the packets.
     """
-    mixing, (order, starts, open_, places, chosen, begins, sums) = data
-    do(_mix_part, (*mixing, order, starts, open_, places), board, job, work)
-    _place(starts, places, begins, sums)
-    gathering = order, starts, open_, places, chosen
-    do_step(_gather_part, gathering, board, job, work, 1, work[1], work[2])
+    mixing, room = data
+    do(_mix_part, (*mixing, *room[:4]), board, job, work)
+    _gather_open(room, board, job, work)
 
 
 @kernel
@@ -206,11 +213,9 @@ def _lend_and_gather(data, board, job, work):  # type: ignore[no-untyped-def]
 
     The data are those of lending and of :class:`_Gathering`, and the items are the packets.
     """
-    lending, (order, starts, open_, places, chosen, begins, sums) = data
-    do(_lend_part, (*lending, order, starts, open_, places), board, job, work)
-    _place(starts, places, begins, sums)
-    gathering = order, starts, open_, places, chosen
-    do_step(_gather_part, gathering, board, job, work, 1, work[1], work[2])
+    lending, room = data
+    do(_lend_part, (*lending, *room[:4]), board, job, work)
+    _gather_open(room, board, job, work)
 
 
 class _Gathering(NamedTuple):

@@ -12,6 +12,9 @@ from collections.abc import Callable, Mapping
 from carstage_sim.sensors.attributes import number
 from carstage_sim.world.state import Weather, WorldState
 
+_MOST_NOTED = 1024
+"""Changes of the weather in steps that show nothing; older ones are forgotten."""
+
 
 class Adaptation:
     """A camera's exposure over time, in stops; the first is what the light asks for.
@@ -23,7 +26,7 @@ class Adaptation:
 
     def __init__(self, speed_up: float, speed_down: float) -> None:
         self._speed_up, self._speed_down = max(speed_up, 0.0), max(speed_down, 0.0)
-        self._noted: deque[tuple[float, Weather]] = deque()
+        self._noted: deque[tuple[float, Weather]] = deque(maxlen=_MOST_NOTED)
         self._weather: Weather | None = None
         self._begin_s = self._stops = self._target = 0.0
 

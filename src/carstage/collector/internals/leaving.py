@@ -11,8 +11,8 @@ def leave(code: int) -> NoReturn:
     """End the process at once, with all written.
 
     The client's threads live on while Python takes itself apart. One that delivers a frame or asks
-    for Python's lock then aborts the process (SIGSEGV in 3 of 40 programs with sensors that still
-    listened; none that ended so). A recording that is whole would count as failed.
+    for Python's lock then aborts the process: SIGSEGV ended 4 of 100 programs with sensors that
+    still listened, and none of 58 that ended so. A recording that is whole would count as failed.
     """
     sys.stdout.flush()
     sys.stderr.flush()

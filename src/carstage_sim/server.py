@@ -18,7 +18,7 @@ import socket
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from contextlib import ExitStack
 from types import TracebackType
@@ -27,7 +27,7 @@ from typing import Any
 from carstage_sim.freed_memory import give_back_freed_memory
 from carstage_sim.simulation import CapturedFrame, Scene, Simulation
 from carstage_sim.wire.dialect import Dialect
-from carstage_sim.wire.handlers import Session, TickRequest, serve
+from carstage_sim.wire.handlers import Call, Session, TickRequest, serve
 from carstage_sim.wire.late_pictures import LatePicture, LatePictures
 from carstage_sim.wire.payloads import encode_frame, sensor_header
 from carstage_sim.wire.relabelling import Relabelling
@@ -172,10 +172,14 @@ class Server:
             self._serve_one(min(wait_s, _POLL_S))
         self._draw_late_unless_a_tick_is_due()
         now_s = time.monotonic()
-        if not self._waits_for_pictures() and self._due_requests() and now_s >= self._paced_until_s:
+        if not self._due_requests() or now_s < self._paced_until_s:
+            return
+        if not self._waits_for_pictures():
             self._paced_until_s = now_s + self._shortest_tick_s
             self._tick()
             self._draw_late_unless_a_tick_is_due()
+        elif not self._late.hold_up_the_world:
+            self._step_ahead()
 
     def _draw_late_unless_a_tick_is_due(self) -> None:
         """What is drawn late must not come before the next tick, unless that waits for it."""
@@ -234,6 +238,7 @@ class Server:
         before, ticks = self._simulation.settings, len(self._tick_requests)
         began_s = time.monotonic()
         serve(self._session, event)
+        self._simulation.may_have_changed()
         event.connection.used_s += time.monotonic() - began_s
         self._owners.served(
             event.connection,
@@ -265,18 +270,12 @@ class Server:
         cannot take their data before it has its answer. Pictures are drawn while calls are served.
         """
         self._streams.begin_frame()
-        due = self._due_requests()
-        taken = {id(one) for one in due}
-        self._tick_requests[:] = [one for one in self._tick_requests if id(one) not in taken]
-        calls = [one.call for one in due if not one.is_answered]
+        calls = self._take_due_calls()
         try:
             snapshot = self._simulation.tick()
             self._publish_snapshot(snapshot)
-        except Exception as error:
-            # Whoever sent what the world cannot bear, the others still want their answers.
-            logger.exception("frame %d failed", self._simulation.world.frame)
-            for call in calls:
-                call.fail(f"the frame failed in the simulator: {type(error).__name__}: {error}")
+        except Exception as error:  # noqa: BLE001 - told to who asked
+            self._fail(calls, error)
             return
         for call in calls:
             call.answer(snapshot.state.frame)
@@ -284,6 +283,29 @@ class Server:
             self._publish_sensors(snapshot)
         except Exception:
             logger.exception("sensors of frame %d failed", snapshot.state.frame)
+
+    def _step_ahead(self) -> None:
+        """Step while pictures are drawn, so that the tick, which waits for them, has less to do.
+
+        Nobody knows of it before: the frame is told, and the calls are answered, by :meth:`_tick`.
+        """
+        try:
+            self._simulation.step_ahead()
+        except Exception as error:  # noqa: BLE001 - told to who asked
+            self._fail(self._take_due_calls(), error)
+
+    def _take_due_calls(self) -> list[Call]:
+        """The calls that wait for the frame which is told now."""
+        due = self._due_requests()
+        taken = {id(one) for one in due}
+        self._tick_requests[:] = [one for one in self._tick_requests if id(one) not in taken]
+        return [one.call for one in due if not one.is_answered]
+
+    def _fail(self, calls: Sequence[Call], error: Exception) -> None:
+        """Whoever sent what the world cannot bear, the others still want their answers."""
+        logger.exception("frame %d failed", self._simulation.world.frame)
+        for call in calls:
+            call.fail(f"the frame failed in the simulator: {type(error).__name__}: {error}")
 
     def _publish_snapshot(self, snapshot: Snapshot) -> None:
         payload = encode_snapshot(snapshot, self._dialect, time.time())
@@ -365,10 +387,12 @@ class Server:
     def _run_due(self) -> None:
         while self._finished:
             self._guarded(self._finished.popleft())
+            self._simulation.may_have_changed()
         while self._later and self._later[0][0] <= time.monotonic():
             _, _, action = heapq.heappop(self._later)
             before = self._simulation.settings
             self._guarded(action)
+            self._simulation.may_have_changed()
             self._owners.changed(before, self._simulation.settings)
 
     def _guarded(self, action: Callable[[], None]) -> None:

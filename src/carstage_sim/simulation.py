@@ -152,6 +152,8 @@ class Simulation:
         self._quality = quality
         self._wet_grip = wet_grip
         self._watched_before = False
+        self._ahead: Snapshot | None = None
+        self._changed_since = False
         self._drawing = DrawingThread()
         self._begun = threading.Event()
         self._missed: deque[Scene] = deque(maxlen=_MOST_MISSED)
@@ -231,6 +233,7 @@ class Simulation:
             self._sensors.close()
             self._town, self._source, self._sensors = town, source, sensors
         self.world = world
+        self._ahead = None
         self._missed.clear()
         if reset_settings:
             self.settings = EpisodeSettings()
@@ -256,7 +259,29 @@ class Simulation:
         self._stepped_at_s = time.monotonic()
 
     def tick(self) -> Snapshot:
-        """One step: of the fixed duration, or of the wall time since the last step."""
+        """One step: of the fixed duration, or of the wall time since the last step.
+
+        After :meth:`step_ahead` it tells of that step.
+        """
+        ahead, self._ahead = self._ahead, None
+        if ahead is None:
+            return self._step()
+        return self.world.freeze(ahead.state.delta_s) if self._changed_since else ahead
+
+    def step_ahead(self) -> None:
+        """Make the next tick's step now, and what its pictures need, while others are drawn."""
+        if self._ahead is None:
+            self._ahead, self._changed_since = self._step(), False
+            try:
+                self._sensors.prepare(self._ahead.state)
+            except Exception:  # what draws it tries again
+                logger.exception("frame %d cannot be prepared", self._ahead.state.frame)
+
+    def may_have_changed(self) -> None:
+        """Calls were served: what they changed since a step ahead is in the frame of its tick."""
+        self._changed_since = True
+
+    def _step(self) -> Snapshot:
         now_s = time.monotonic()
         delta_s = self.settings.fixed_delta_seconds
         if not delta_s:

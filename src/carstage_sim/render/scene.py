@@ -376,6 +376,10 @@ class SceneStore:
         self._town_changes: TownChanges | None = None
         self.show(TownChanges())
 
+    def shows(self, changes: TownChanges | None) -> bool:
+        """Whether a frame with these changes leaves the town as it is shown."""
+        return changes is None or changes is self._town_changes
+
     def show(self, changes: TownChanges) -> None:
         """Show the town as clients changed it, also in frames that were made before."""
         if changes is self._town_changes:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from threading import Lock
 
 import numpy as np
 
@@ -51,8 +52,9 @@ from carstage_sim.world.state import Weather, WorldState
 class WorldSensors:
     """Captures what the listening sensors see of a town.
 
-    One thread at a time may call it. Sensors that remember earlier ticks (the LiDAR's angle, the
-    IMU's track) are kept by sensor id and forgotten when the frame number goes back.
+    One thread at a time may call it, but for :meth:`prepare`. Sensors that remember earlier ticks
+    (the LiDAR's angle, the IMU's track) are kept by sensor id and forgotten when the frame number
+    goes back.
 
     Args:
         town: the map.
@@ -88,6 +90,8 @@ class WorldSensors:
         self._pictures = PictureMaker(self._caster, quality)
         self._side_by_side = SideBySide(self._caster.threads)
         self._known = KnownSensors(town, loop)
+        self._making = Lock()
+        self._prepared: tuple[WorldState, Frame] | None = None
         self.instant = InstantSensors(KnownSensors(town, loop), self._view)
         """Those that another thread may ask."""
         self.last_cast_count = 0
@@ -138,7 +142,8 @@ class WorldSensors:
         """
         if type_id == occupancy.TYPE_ID:
             occupancy.warm_up(self._store.frame([]))
-        self._store.prepare(self._models.keys_of(type_id))
+        with self._making:
+            self._store.prepare(self._models.keys_of(type_id))
 
     def reset(self) -> None:
         """Forget all sensors: a new episode counts actor ids and frames anew."""
@@ -240,8 +245,26 @@ class WorldSensors:
         """Let the sensors see a tick of which there are no frames."""
         self._known.miss(state, requests)
 
+    def prepare(self, state: WorldState) -> None:
+        """Make the scene of a coming tick while another is drawn; any thread may call it.
+
+        Nothing is done if the town looks otherwise in that tick: what is drawn would show it.
+        """
+        with self._making:
+            if self._store.shows(state.town_changes):
+                self._prepared = state, self._frame_of(state)
+
     def frame_of(self, state: WorldState) -> Frame:
         """The scene that rays of a tick meet."""
+        with self._making:
+            prepared, self._prepared = self._prepared, None
+            if prepared is None or prepared[0] is not state:
+                return self._frame_of(state)
+            if state.town_changes is not None:
+                self._store.show(state.town_changes)
+            return prepared[1]
+
+    def _frame_of(self, state: WorldState) -> Frame:
         return self._store.frame(self._models.placements(state), state.town_changes)
 
     def segment_hits(

@@ -30,6 +30,7 @@ def serving(
         bakes=SimpleNamespace(),
         finish_drawing=lambda: None,
         hold_late_drawing=lambda *, held: None,
+        may_have_changed=lambda: None,
     )
     with (
         bind("127.0.0.1", 0) as rpc_socket,

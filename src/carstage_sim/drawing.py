@@ -36,9 +36,12 @@ class DrawingThread:
 
     What is handed over must not change afterwards. While it has nothing to do, whoever hands work
     over may do such work himself.
+
+    Args:
+        name: what the thread is called.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, name: str = "drawing") -> None:
         self._room = threading.BoundedSemaphore(_MOST_WAITING)
         self._changed = threading.Condition()
         self._undone = 0
@@ -48,7 +51,7 @@ class DrawingThread:
         self._leaves_out = False
         self._held = False
         self._closed = False
-        self._thread = threading.Thread(target=self._run, name="drawing", daemon=True)
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
     @property

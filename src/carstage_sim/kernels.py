@@ -1,7 +1,8 @@
 """How kernels are compiled, and where their machine code is kept between runs.
 
-The rule, which ``carstage.kernels`` follows too. Every kernel runs without the interpreter lock,
-divides as NumPy does, and is never compiled with ``fastmath``: the same input gives the same bits.
+The rule, which ``carstage.kernels`` follows too. Every kernel runs without the interpreter lock
+(but those that take less time than to get it back), divides as NumPy does, and is never compiled
+with ``fastmath``: the same input gives the same bits.
 None is ``parallel=True``: threads belong to the caller, who hands each a band of the work.
 
 Numba looks only at the file of the outermost function when it decides whether cached code is stale;
@@ -92,7 +93,7 @@ def _cached(function: Callable[..., Any], **options: Any) -> Callable[..., Any]:
     config: Any = numba.config  # whose names are made at run time
     before, config.CACHE_DIR = config.CACHE_DIR, str(folder)
     try:
-        compiled: Callable[..., Any] = numba.njit(cache=keeps, **_OPTIONS, **options)(function)
+        compiled: Callable[..., Any] = numba.njit(cache=keeps, **{**_OPTIONS, **options})(function)
     finally:
         config.CACHE_DIR = before
     return compiled
@@ -115,6 +116,13 @@ kernel: Decorator = partial(_cached, _nrt=False)
 
 Without numba's run time they count no references: in code that touches a dozen arrays for every
 ray, the atomic counters would cost as much as the ray.
+"""
+
+brief_kernel: Decorator = partial(_cached, _nrt=False, nogil=False)
+"""As ``kernel``, for what takes some microseconds: it keeps the interpreter lock.
+
+Beside threads that draw, who gives the lock away has it back up to a millisecond later. A step of
+the world calls a dozen such kernels.
 """
 
 device: Decorator = partial(linked, _nrt=False, **_OPTIONS)

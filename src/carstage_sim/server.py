@@ -340,18 +340,14 @@ class Server:
         def late_turn(sensor: Actor) -> LatePicture | None:
             return self._late.turn(sensor.stream_id, sensor.client)
 
-        drawn = self._simulation.draw(scene, publish, late_turn if wait else None)
+        drawn = self._simulation.capture(scene, publish, late_turn if wait else None)
         self._late.begin_frame()
         if drawn is not None:
             self._undrawn.append(drawn)
             drawn.add_done_callback(lambda _: self._rpc.wake())
-            self._simulation.let_drawing_begin()
-        # While the other thread draws, which the next tick waits for.
-        for captured in self._simulation.measure(scene):
-            publish(captured)
 
     def _publish_captured(self, scene: Scene, captured: CapturedFrame, *, wait: bool) -> None:
-        """Send a sensor's data; in the simulation's thread or in the one that draws."""
+        """Send a sensor's data; in any thread of the simulation."""
         state, sensor = scene.state, captured.sensor
         type_id = sent_as(sensor.type_id)
         header = sensor_header(

@@ -11,7 +11,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future
+from concurrent.futures import Future, wait
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
@@ -50,7 +50,7 @@ _MOST_OWED_S = 1.0
 """Wall time that a late world makes up for by longer steps; what is beyond is lost."""
 _STANDARD_GRAVITY = 9.81
 _MOST_WAIT_S = 0.005
-"""How long the world's thread leaves Python's lock to the one that begins to draw."""
+"""How long who measures leaves Python's lock to who begins to draw."""
 _MOST_MISSED = 1024
 """Frames that sensors hear of later because pictures are drawn; older ones are forgotten."""
 
@@ -155,7 +155,7 @@ class Simulation:
         self._ahead: Snapshot | None = None
         self._changed_since = False
         self._drawing = DrawingThread()
-        self._begun = threading.Event()
+        self._measuring = DrawingThread("measuring")
         self._missed: deque[Scene] = deque(maxlen=_MOST_MISSED)
         self._stepped_at_s = time.monotonic()
         self._source = self.maps.source(town_name)
@@ -179,6 +179,7 @@ class Simulation:
     ) -> None:
         with ExitStack() as resources:
             resources.callback(lambda: self._sensors.close())
+            resources.callback(self._measuring.close)
             resources.callback(self._drawing.close)
             resources.callback(self.recordings.end_episode)
             resources.callback(self.bakes.close)
@@ -215,6 +216,7 @@ class Simulation:
             MapSamplingError: nothing can be made of it.
         """
         self._drawing.finish()
+        self._measuring.finish()
         source = self.maps.source(town_name)
         number = self.world.episode_id + 1
         if source == self._source and town_name == self._town.name:
@@ -338,34 +340,79 @@ class Simulation:
         actors = self.world.known_actors() if watched else {}
         return Scene(snapshot.state, instant, looking, watched, actors)
 
-    def measure(self, scene: Scene) -> Iterator[CapturedFrame]:
-        """Data of the sensors that need no look at the world and whose turn it is."""
-        for sensor_id, frame in self._sensors.instant.frames(scene.state, scene.instant):
-            yield CapturedFrame(*scene.watched[sensor_id], frame)
-
-    def draw(
+    def capture(
         self,
         scene: Scene,
         publish: Callable[[CapturedFrame], None],
         late_turn: Callable[[Actor], LateTurn | None] | None,
     ) -> Future[None] | None:
-        """Begin to draw what the other sensors see.
+        """Begin to draw what sensors see, and to measure what needs no look at the world.
 
         Args:
             scene: the frame.
-            publish: called with the data of one sensor after the other, in the drawing thread.
+            publish: called with the data of one sensor after the other, in the threads that draw
+                and that measure; or here, if they have nothing to do and nothing is drawn.
             late_turn: gives, by sensor, a turn to data that may come after those of later
-                frames, None to others. Without it the whole frame is left out if another is still
-                drawn.
+                frames, None to others. Without it the pictures of the whole frame are left out if
+                others are still drawn.
 
         Returns:
             What is done when all is published that is not late; None where nothing is drawn.
         """
-        begun = self._begun = threading.Event()
         if self._drawing.busy and (late_turn is None or not scene.looking):
-            begun.set()
+            self._measure(scene, publish, None)
             self._missed.append(scene)
             return None
+        begun = threading.Event()
+        measured = self._measure(scene, publish, begun if scene.looking else None)
+        draw = self._drawer(scene, publish, late_turn, begun)
+
+        def drawn() -> None:
+            draw()
+            wait([measured])
+
+        if scene.looking:
+            return self._drawing.submit(drawn)
+        drawn()
+        return None
+
+    def _measure(
+        self,
+        scene: Scene,
+        publish: Callable[[CapturedFrame], None],
+        begun: threading.Event | None,
+    ) -> Future[None]:
+        """Publish the data of the sensors that need no look at the world and whose turn it is.
+
+        Args:
+            scene: the frame.
+            publish: called with them.
+            begun: set when what is drawn is with its threads; None if nothing is.
+        """
+        sensors = self._sensors.instant
+
+        def measured() -> None:
+            if begun is not None:
+                # What is done here would take Python's lock from who hands pictures to threads.
+                begun.wait(_MOST_WAIT_S)
+            try:
+                for sensor_id, frame in sensors.frames(scene.state, scene.instant):
+                    publish(CapturedFrame(*scene.watched[sensor_id], frame))
+            except Exception:
+                logger.exception("sensors of frame %d failed", scene.state.frame)
+
+        if begun is None:
+            return self._measuring.at_once_or_later(measured)
+        return self._measuring.submit(measured)
+
+    def _drawer(
+        self,
+        scene: Scene,
+        publish: Callable[[CapturedFrame], None],
+        late_turn: Callable[[Actor], LateTurn | None] | None,
+        begun: threading.Event,
+    ) -> Callable[[], None]:
+        """What draws a frame, and sets an event when the first pictures are with their threads."""
         missed = tuple(self._missed)
         self._missed.clear()
         sensors = self._sensors
@@ -406,17 +453,7 @@ class Simulation:
                 for turn in waiting.values():
                     turn.end()
 
-        if not scene.looking:
-            drawn()
-            return None
-        return self._drawing.submit(drawn)
-
-    def let_drawing_begin(self) -> None:
-        """Wait, a few milliseconds at most, until what :meth:`draw` began is with the threads.
-
-        What is left to do here would take Python's lock from the thread that hands it to them.
-        """
-        self._begun.wait(_MOST_WAIT_S)
+        return drawn
 
     def hold_late_drawing(self, *, held: bool) -> None:
         """Whether no more late data are begun to be drawn for now; see :meth:`draw`."""
@@ -425,6 +462,7 @@ class Simulation:
     def finish_drawing(self) -> None:
         """Wait until what :meth:`draw` began is published; data that are late are left out."""
         self._drawing.finish_without_what_is_put_off()
+        self._measuring.finish()
 
     def _before_spawn(self, type_id: str, attributes: Mapping[str, str]) -> None:
         """Refuse a sensor that could not be captured, before it is in the world.

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,7 @@ from numpy.typing import NDArray
 from carstage_sim.kernels import device, kernel
 from carstage_sim.render.arithmetic import exp_down
 from carstage_sim.render.caster import BAND, RayCaster
-from carstage_sim.render.crew import Shared, do
+from carstage_sim.render.crew import Shared, do, do_step
 from carstage_sim.render.film import Film, display_of_codes, film_codes, light_of_codes
 
 WHITE = 2.0
@@ -83,17 +82,6 @@ def _source_part(beyond, words, pixels, source, lit, worker, first, last):  # ty
                         source[row, x // _BLOCK, channel] += beyond[pixels[y, x, channel]]
 
 
-@kernel
-def share_source(data, board, job, work):  # type: ignore[no-untyped-def]
-    """Sum up the light beyond white of each block of four by four pixels.
-
-    The data are ``(256,)`` float32 of each code, for each pixel's share of a block, ``(H, W)``
-    uint32 of BGRA, the same as ``(H, W, 4)`` uint8, ``(h, w, 3)`` float32 zeros that receive the
-    sums, and ``(h,)`` uint8 that tell which rows have any. Its items are rows of blocks.
-    """
-    do(_source_part, data, board, job, work)
-
-
 @device
 def _between_four(fine, y, u, before, after, channel):  # type: ignore[no-untyped-def]
     """Weighted mean of four pixels in a row, of which ``u`` and the next are in the middle."""
@@ -116,15 +104,6 @@ def _halve_part(fine, coarse, worker, first, last):  # type: ignore[no-untyped-d
                 coarse[y, x, channel] = inner * _INNER + outer * _OUTER
 
 
-@kernel
-def share_halves(data, board, job, work):  # type: ignore[no-untyped-def]
-    """Means of 16, the inner ones three times: as :func:`share_sums` adds, so that no place counts.
-
-    The data are a fine and a coarse picture. Its items are rows of the coarse one.
-    """
-    do(_halve_part, data, board, job, work)
-
-
 @device
 def _add_part(share, coarse, fine, worker, first, last):  # type: ignore[no-untyped-def]
     high, wide = coarse.shape[0], coarse.shape[1]
@@ -141,15 +120,6 @@ def _add_part(share, coarse, fine, worker, first, last):  # type: ignore[no-unty
                     + coarse[beside_v, beside_u, channel] * _FAR
                 )
                 fine[y, x, channel] = fine[y, x, channel] * share + here * _NEAR + there * _FAR
-
-
-@kernel
-def share_sums(data, board, job, work):  # type: ignore[no-untyped-def]
-    """Add a coarse picture, between its pixels, to a share of a fine one.
-
-    The data are the share, the coarse and the fine picture. Its items are rows of the fine one.
-    """
-    do(_add_part, data, board, job, work)
 
 
 @device
@@ -181,14 +151,50 @@ def _ghost_part(ghosts, share, middle, bright, out, worker, first, last):  # typ
                 _drop(out, ghosts[g], u, v, red * share, green * share, blue * share)
 
 
-@kernel
-def share_ghosts(data, board, job, work):  # type: ignore[no-untyped-def]
-    """Add ghosts to scattered light.
+@device
+def _scale(light, share, out):  # type: ignore[no-untyped-def]
+    for y in range(light.shape[0]):
+        for x in range(light.shape[1]):
+            for channel in range(3):
+                out[y, x, channel] = light[y, x, channel] * share
 
-    The data are ``_GHOSTS``, the share of each, the picture's middle, ``(2,)`` float32 x and y,
-    what is bright, and what receives the ghosts. Its items are the rows, to be done as one part.
+
+@device
+def _in_coarse_octaves(octaves, shares, ghosts, ghost_share, middle, bright):  # type: ignore[no-untyped-def]
+    """From the second octave, which is halved, to its sum with those that are coarser."""
+    last = shares.shape[0] - 1
+    for k in range(1, last):
+        _halve_part(octaves[k], octaves[k + 1], 0, 0, octaves[k + 1].shape[0])
+    _scale(octaves[_GHOST_OCTAVE], _ONE, bright)
+    _scale(octaves[last], shares[last], octaves[last])
+    for k in range(last - 1, 0, -1):
+        _add_part(shares[k], octaves[k + 1], octaves[k], 0, 0, octaves[k].shape[0])
+        if k == _GHOST_OCTAVE and ghost_share > 0:
+            _ghost_part(ghosts, ghost_share, middle, bright, octaves[k], 0, 0, bright.shape[0])
+
+
+@kernel
+def share_scattered(data, board, job, work):  # type: ignore[no-untyped-def]
+    """Sum up the light beyond white of each block of four by four pixels, and spread it.
+
+    The data are ``(256,)`` float32 of each code, for each pixel's share of a block, ``(H, W)``
+    uint32 of BGRA, the same as ``(H, W, 4)`` uint8, the octaves, ``(h, w, 3)`` float32 zeros, of
+    which the first receives the light, ``(h,)`` uint8 zeros that tell which rows have any,
+    ``(n,)`` float32 share of each octave, ``_GHOSTS``, the share of each of them, the picture's
+    middle, ``(2,)`` float32 x and y in the octave of ghosts, and what receives a copy of that
+    octave. Its items are rows of blocks.
+
+    The coarse octaves, a quarter of all, are done by the caller: to call the crew takes longer.
     """
-    do(_ghost_part, data, board, job, work)
+    beyond, words, pixels, octaves, lit, shares, ghosts, ghost_share, middle, bright = data
+    do(_source_part, (beyond, words, pixels, octaves[0], lit), board, job, work)
+    if not lit.any():
+        return
+    halves = (octaves[0], octaves[1])
+    do_step(_halve_part, halves, board, job, work, 1, octaves[1].shape[0], work[2])
+    _in_coarse_octaves(octaves, shares, ghosts, ghost_share, middle, bright)
+    sums = (shares[0], octaves[1], octaves[0])
+    do_step(_add_part, sums, board, job, work, 2, octaves[0].shape[0], work[2])
 
 
 @device
@@ -202,16 +208,6 @@ def _left_part(scattered, seen, worker, first, last):  # type: ignore[no-untyped
             for channel in range(3):
                 light = scattered[y, x, channel]
                 scattered[y, x, channel] = exp_down(light) if most > _LEAST else _ONE
-
-
-@kernel
-def share_left(data, board, job, work):  # type: ignore[no-untyped-def]
-    """From scattered light to the share of the film's darkness that it leaves.
-
-    The data are ``(h, w, 3)`` float32 light, which becomes that share, and ``(h, w)`` uint8 that
-    receive where it shows. Its items are the rows.
-    """
-    do(_left_part, data, board, job, work)
 
 
 @device
@@ -264,10 +260,16 @@ def _glare_part(display, codes, left, seen, pixels, words, out, out_words, worke
 def share_glare(data, board, job, work):  # type: ignore[no-untyped-def]
     """Give pixels the scattered light of their blocks.
 
-    The data are display light of each code, codes of display light, what :func:`share_left` made,
-    the picture as bytes and as words, and so what receives it. Its items are rows of blocks.
+    The data are display light of each code, codes of display light, ``(h, w, 3)`` float32 light,
+    which becomes the share of the film's darkness that it leaves, ``(h, w)`` uint8 that receive
+    where it shows, the picture as bytes and as words, and so what receives it. Its items are rows
+    of the light, and then of blocks.
     """
-    do(_glare_part, data, board, job, work)
+    display, codes, light, seen, pixels, words, out, out_words = data
+    do(_left_part, (light, seen), board, job, work)
+    rows = (words.shape[0] + _BLOCK - 1) // _BLOCK
+    glare = (display, codes, light, seen, pixels, words, out, out_words)
+    do_step(_glare_part, glare, board, job, work, 1, rows, work[2])
 
 
 @lru_cache(maxsize=8)
@@ -295,27 +297,21 @@ def scattered_light(
     widest = _BLOCK << count - 1
     rows, columns = -(-height // widest), -(-width // widest)
     sizes = [(rows << k, columns << k, 3) for k in range(count - 1, -1, -1)]
-    octaves = [np.zeros(size, np.float32) for size in sizes]
+    # As many as ever, so that kernels are compiled once.
+    sizes += [(0, 0, 3)] * (_MOST_OCTAVES - count)
+    octaves = tuple(np.zeros(size, np.float32) for size in sizes)
     lit = np.zeros(-(-height // _BLOCK), np.uint8)
-    source = _beyond_white(film.gamma), _words(pixels), pixels, octaves[0], lit
-    _in_rows(caster, share_source, source, len(lit), width)
-    if not lit.any():
-        return None
-    for fine, coarse in pairwise(octaves):
-        _in_rows(caster, share_halves, (fine, coarse), *coarse.shape[:2])
-    bright = octaves[_GHOST_OCTAVE].copy() if flare > 0 else None
     shares = np.array([_FALL**k for k in range(count)])
     shares = (shares * (bloom * BLOOM_SHARE / shares.sum())).astype(np.float32)
-    octaves[-1] *= shares[-1]
-    for k in range(count - 2, -1, -1):
-        sums = shares[k], octaves[k + 1], octaves[k]
-        _in_rows(caster, share_sums, sums, *octaves[k].shape[:2])
-        if k == _GHOST_OCTAVE and bright is not None:
-            middle = np.array([width, height], np.float32) / np.float32(2 * _BLOCK << k)
-            share = np.float32(flare * GHOST_SHARE / len(_GHOSTS))
-            ghosts = _GHOSTS, share, middle, bright, octaves[k]
-            caster.in_parts(share_ghosts, ghosts, len(bright), len(bright))
-    return octaves[0]
+    middle = np.array([width, height], np.float32) / np.float32(2 * _BLOCK << _GHOST_OCTAVE)
+    ghost_share = np.float32(flare * GHOST_SHARE / len(_GHOSTS))
+    bright = np.empty_like(octaves[_GHOST_OCTAVE])
+    data = (
+        _beyond_white(film.gamma), _words(pixels), pixels, octaves, lit, shares,
+        _GHOSTS, ghost_share, middle, bright,
+    )  # fmt: skip
+    _in_rows(caster, share_scattered, data, len(lit), width)
+    return octaves[0] if lit.any() else None
 
 
 def with_glare(
@@ -329,14 +325,12 @@ def with_glare(
     light = scattered_light(caster, film, pixels, bloom, flare)
     if light is None:
         return pixels
-    seen = np.empty(light.shape[:2], np.uint8)
-    _in_rows(caster, share_left, (light, seen), *light.shape[:2])
-    out = np.empty_like(pixels)
+    seen, out = np.empty(light.shape[:2], np.uint8), np.empty_like(pixels)
     data = (
         display_of_codes(film.gamma), film_codes(film.gamma), light, seen,
         pixels, _words(pixels), out, _words(out),
     )  # fmt: skip
-    _in_rows(caster, share_glare, data, -(-pixels.shape[0] // _BLOCK), pixels.shape[1])
+    _in_rows(caster, share_glare, data, len(light), pixels.shape[1])
     return out
 
 

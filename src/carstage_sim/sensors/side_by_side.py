@@ -1,10 +1,10 @@
-"""Pieces of work of one tick that are done side by side, with results in their order."""
+"""Pieces of work of one tick that are done side by side, with results as they come."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from threading import Lock
 from typing import Generic, TypeVar
@@ -73,38 +73,50 @@ class SideBySide:
 
     def results(
         self, pieces: Sequence[Piece[_Result]], begun: Callable[[], None] = lambda: None
-    ) -> Iterator[_Result]:
-        """What the pieces return, in their order; those that follow are begun meanwhile.
+    ) -> Iterator[tuple[int, _Result]]:
+        """What the pieces return, with their numbers, as it comes; others are done meanwhile.
 
-        When it ends, none of them is being done any more.
+        Pieces are begun in their order. When it ends, none of them is being done any more.
 
         Args:
             pieces: the work.
             begun: called when the first are begun.
 
         Raises:
-            Exception: what a piece raised, in its turn.
+            Exception: what a piece raised.
         """
         if self._pool is None or len(pieces) < 2:
             begun()
-            for piece in pieces:
-                yield piece.work()
-            return
-        futures: deque[Future[_Result] | None] = deque()
-        try:
-            first, pixels = 0, 0
             for number, piece in enumerate(pieces):
-                while first < len(pieces) and (
-                    first <= number or pixels + pieces[first].pixels <= _MOST_PIXELS
-                ):
-                    ahead = pieces[first]
-                    futures.append(self._pool.submit(ahead.work) if ahead.beside else None)
-                    first, pixels = first + 1, pixels + ahead.pixels
-                if not number:
-                    begun()
-                future = futures.popleft()
-                yield piece.work() if future is None else future.result()
-                pixels -= piece.pixels
+                yield number, piece.work()
+            return
+        left, under_way = deque(enumerate(pieces)), dict[Future[_Result], int]()
+        try:
+            self._begin(left, under_way, pieces)
+            begun()
+            while left or under_way:
+                if left and not left[0][1].beside:
+                    number, piece = left.popleft()
+                    yield number, piece.work()
+                else:
+                    for future in wait(under_way, return_when=FIRST_COMPLETED).done:
+                        yield under_way.pop(future), future.result()
+                self._begin(left, under_way, pieces)
         finally:
-            left = [future for future in futures if future is not None and not future.cancel()]
-            wait(left)
+            wait([future for future in under_way if not future.cancel()])
+
+    def _begin(
+        self,
+        left: deque[tuple[int, Piece[_Result]]],
+        under_way: dict[Future[_Result], int],
+        pieces: Sequence[Piece[_Result]],
+    ) -> None:
+        """Begin as many of the pieces that are left as there is room for."""
+        assert self._pool is not None
+        pixels = sum(pieces[number].pixels for number in under_way.values())
+        while left and left[0][1].beside:
+            if under_way and pixels + left[0][1].pixels > _MOST_PIXELS:
+                return
+            number, piece = left.popleft()
+            under_way[self._pool.submit(piece.work)] = number
+            pixels += piece.pixels

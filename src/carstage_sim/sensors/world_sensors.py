@@ -161,12 +161,13 @@ class WorldSensors:
             KeyError: a request's blueprint id is not a known sensor.
             SensorAttributeError: an attribute of a new sensor has an impossible value.
         """
-        return list(self.frames(state, requests))
+        place = {request.sensor_id: number for number, request in enumerate(requests)}
+        return sorted(self.frames(state, requests), key=lambda made: place[made[0]])
 
     def frames(
         self, state: WorldState, requests: Sequence[SensorRequest]
     ) -> Iterator[tuple[int, SensorFrame]]:
-        """As :meth:`capture`, one after the other: the next are made while one is sent."""
+        """As :meth:`capture`, each as soon as it is made: others are made while one is sent."""
         return self.frames_of(state, self.due(state, requests))
 
     def due(
@@ -235,9 +236,9 @@ class WorldSensors:
         if due:
             _ = view.frame  # which all wait for, made while no other thread wants the interpreter
         reports = self._side_by_side.results(pieces, begun)
-        for (request, _), reported in zip(due, reports, strict=True):
+        for number, reported in reports:
             for frame in reported:
-                yield request.sensor_id, frame
+                yield due[number][0].sensor_id, frame
         self.last_cast_count = sum(one.cast_count for one in views.values())
         self.last_ray_count = self._caster.ray_count - rays_before
 

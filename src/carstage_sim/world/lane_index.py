@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.kernels import device, kernel
+from carstage_sim.kernels import brief_kernel, device
 from carstage_sim.maps.cell_index import cell_grid
 from carstage_sim.maps.town import LaneSamples
 from carstage_sim.world.columns import Rotation
@@ -65,7 +65,7 @@ class LaneIndex:
         return np.asarray(aside_m <= limit_m)
 
 
-@kernel
+@brief_kernel
 def _look_up(  # type: ignore[no-untyped-def]
     location, low, nearest, places, buckets, found
 ):

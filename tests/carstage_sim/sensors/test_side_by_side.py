@@ -1,4 +1,4 @@
-"""Sensors of a tick are measured side by side, and reported in their order."""
+"""Sensors of a tick are measured side by side, and reported as they are done."""
 
 from __future__ import annotations
 
@@ -24,18 +24,19 @@ def piece(work: Callable[[], int], pixels: int = 0, beside: bool = True) -> Piec
     return Piece(work, pixels, beside)
 
 
-def test_results_come_in_order_while_later_pieces_are_done(side_by_side: SideBySide) -> None:
-    later = threading.Event()
+def test_a_result_comes_while_an_earlier_piece_is_still_being_done(
+    side_by_side: SideBySide,
+) -> None:
+    taken = threading.Event()
 
     def first() -> int:
-        assert later.wait(WAIT_S)
+        assert taken.wait(WAIT_S)
         return 1
 
-    def second() -> int:
-        later.set()
-        return 2
-
-    assert list(side_by_side.results([piece(first), piece(second)])) == [1, 2]
+    results = side_by_side.results([piece(first), piece(lambda: 2)])
+    assert next(results) == (1, 2)
+    taken.set()
+    assert list(results) == [(0, 1)]
 
 
 @pytest.mark.parametrize("count", [1, 3])
@@ -47,14 +48,15 @@ def test_it_is_told_when_the_first_pieces_are_begun(side_by_side: SideBySide, co
         return len(told)
 
     pieces = [piece(work) for _ in range(count)]
-    assert list(side_by_side.results(pieces, lambda: told.append(1))) == [1] * count
+    results = sorted(side_by_side.results(pieces, lambda: told.append(1)))
+    assert results == [(number, 1) for number in range(count)]
     assert list(side_by_side.results([], lambda: told.append(2))) == []
     assert told == [1, 2]
 
 
 def test_what_shares_more_is_done_by_the_caller_in_its_turn(side_by_side: SideBySide) -> None:
     pieces = [piece(threading.get_ident, beside=number != 1) for number in range(3)]
-    threads = list(side_by_side.results(pieces))
+    threads = dict(side_by_side.results(pieces))
     assert threads[1] == threading.get_ident()
     assert threading.get_ident() not in (threads[0], threads[2])
 
@@ -71,24 +73,28 @@ def test_pictures_that_are_made_at_once_have_bounded_pixels(side_by_side: SideBy
 
     results = side_by_side.results([piece(make(n), pixels=1_500_000) for n in range(3)])
     for number in range(3):
-        assert next(results) == number
+        assert next(results) == (number, number)
         assert begun == list(range(number + 1))
 
 
-def test_an_error_comes_in_its_turn_and_nothing_goes_on_after_it(side_by_side: SideBySide) -> None:
-    ended = threading.Event()
+def test_after_an_error_nothing_goes_on(side_by_side: SideBySide) -> None:
+    begun, ended, failed = threading.Event(), threading.Event(), threading.Event()
 
     def fail() -> int:
-        raise ValueError("the second")
+        assert begun.wait(WAIT_S)
+        failed.set()
+        raise ValueError("the first")
 
     def last() -> int:
+        begun.set()
+        assert failed.wait(WAIT_S)
         ended.set()
-        return 3
+        return 2
 
-    results = side_by_side.results([piece(lambda: 1), piece(fail), piece(last)])
-    assert next(results) == 1
-    with pytest.raises(ValueError, match="the second"):
-        next(results)
+    results = side_by_side.results([piece(fail), piece(last)])
+    with pytest.raises(ValueError, match="the first"):
+        list(results)
+    assert ended.is_set()
 
 
 def test_what_is_made_once_is_made_once_and_again_after_an_error() -> None:

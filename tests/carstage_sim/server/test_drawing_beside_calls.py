@@ -211,22 +211,35 @@ def test_calls_are_answered_while_a_picture_is_drawn_and_the_next_tick_waits_for
 
 
 def test_sensors_that_look_at_nothing_are_measured_while_a_picture_is_drawn(
-    rig: Rig, gate: Gate, simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+    rig: Rig, gate: Gate
 ) -> None:
     camera, imu = rig.subscribed(rig.camera), rig.subscribed(rig.imu)
-    measure = simulation.measure
-
-    def measured(scene: Any) -> Any:
-        await_that(lambda: gate.came > 0)
-        return measure(scene)
-
-    monkeypatch.setattr(simulation, "measure", measured)
     gate.open.clear()
     frame = rig.client.value("tick_cue")
     assert frame_of(read_message(imu)) == frame
     assert gate.done == 0
     gate.open.set()
     assert frame_of(read_message(camera)) == frame
+
+
+def test_calls_are_answered_and_the_next_tick_waits_while_sensors_are_measured(
+    rig: Rig, simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig.subscribed(rig.camera), rig.subscribed(rig.imu)
+    instant, may_measure = simulation._sensors.instant, threading.Event()
+    frames = instant.frames
+
+    def measured(*arguments: Any) -> Any:
+        assert may_measure.wait(60.0)
+        return frames(*arguments)
+
+    monkeypatch.setattr(instant, "frames", measured)
+    first = rig.client.value("tick_cue")
+    assert rig.client.value("version") == "0.9.16"
+    second = rig.asking("tick_cue")
+    assert holds_for(0.3, lambda: second() is None)
+    may_measure.set()
+    await_that(lambda: second() == first + 1)
 
 
 def test_drawing_begins_before_what_looks_at_nothing_is_measured(
@@ -236,22 +249,15 @@ def test_drawing_begins_before_what_looks_at_nothing_is_measured(
     monkeypatch.setattr("carstage_sim.simulation._MOST_WAIT_S", 60.0)
     camera, imu = rig.subscribed(rig.camera), rig.subscribed(rig.imu)
     sensors, order = simulation._sensors, []
-    make, wait, measure = sensors.frame_of, simulation.let_drawing_begin, simulation.measure
-
-    def made(state: Any) -> Any:
-        await_that(lambda: bool(order))
-        order.append("frame")
-        return make(state)
-
-    monkeypatch.setattr(sensors, "frame_of", made)
-    monkeypatch.setattr(simulation, "let_drawing_begin", lambda: (order.append("waits"), wait()))
+    make, frames = sensors.frame_of, sensors.instant.frames
+    monkeypatch.setattr(sensors, "frame_of", lambda state: (order.append("frame"), make(state))[1])
     monkeypatch.setattr(
-        simulation, "measure", lambda scene: (order.append("measured"), measure(scene))[1]
+        sensors.instant, "frames", lambda *scene: (order.append("measured"), frames(*scene))[1]
     )
     gate.open.clear()
     frame = rig.client.value("tick_cue")
     assert frame_of(read_message(imu)) == frame
-    assert order == ["waits", "frame", "measured"]
+    assert order == ["frame", "measured"]
     assert gate.done == 0
     gate.open.set()
     assert frame_of(read_message(camera)) == frame
@@ -372,7 +378,7 @@ def test_a_step_made_ahead_gives_the_same_frames_as_one_made_in_time() -> None:
                 scene = simulation.scene(snapshot, lambda _: True)
                 assert scene is not None
                 pictures: list[Any] = []
-                drawn = simulation.draw(scene, pictures.append, lambda _: None)
+                drawn = simulation.capture(scene, pictures.append, lambda _: None)
                 assert drawn is not None
                 drawn.result()
                 (picture,) = [one.frame for one in pictures if one.sensor is camera]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.kernels import device, kernel
+from carstage_sim.kernels import brief_kernel, device
 from carstage_sim.world.columns import Touch
 from carstage_sim.world.contacts.separating_axes import least_way_out
 
@@ -82,7 +82,7 @@ def find_contacts(center: FloatArray, half_size: FloatArray, yaw_rad: FloatArray
     ]
 
 
-@kernel
+@brief_kernel
 def _touching(  # type: ignore[no-untyped-def]
     center, half_size, radius, cosine, sine, order, pairs, shapes
 ):

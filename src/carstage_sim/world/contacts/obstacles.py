@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from shapely import MultiPoint
 
-from carstage_sim.kernels import device, kernel
+from carstage_sim.kernels import brief_kernel, device
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.cell_index import cell_grid
 from carstage_sim.maps.ground import Ground
@@ -117,7 +117,7 @@ class Obstacles:
         ]
 
 
-@kernel
+@brief_kernel
 def _touching(  # type: ignore[no-untyped-def]
     rows, center, half_size, cosine, sine, start, end, level, shown, grid, pairs, shapes
 ):

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.kernels import kernel
+from carstage_sim.kernels import brief_kernel
 from carstage_sim.maps.town import OrientedBox
 from carstage_sim.world.columns import Rotation
 from carstage_sim.world.contacts.separating_axes import least_way_out
@@ -56,7 +56,7 @@ class TriggerBoxes:
         return found
 
 
-@kernel
+@brief_kernel
 def _find_owners(  # type: ignore[no-untyped-def]
     center, half_size, cosine, sine, owner, box_center, box_extent, box_cosine, box_sine, found
 ):

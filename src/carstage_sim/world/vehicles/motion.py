@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.kernels import device, kernel
+from carstage_sim.kernels import brief_kernel, device
 from carstage_sim.world.columns import Rotation
 from carstage_sim.world.vehicles import dynamics as dynamics
 from carstage_sim.world.vehicles import powertrain
@@ -132,7 +132,7 @@ class _Columns(NamedTuple):
     shift_time: FloatArray
 
 
-@kernel
+@brief_kernel
 def _move(rows, tick, elapsed_s, dt_s):  # type: ignore[no-untyped-def]
     """:func:`substep` on the columns."""
     fastest = 0.0

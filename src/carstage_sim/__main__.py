@@ -32,7 +32,7 @@ from carstage_sim.wire.errors import BadAddressError, PortInUseError
 from carstage_sim.wire.socket_loop import bind
 
 _BAD_INPUT = 2
-_SWITCH_S = 0.0002
+_SWITCH_S = 0.001
 """Threads let each other go on after that: a call needs several turns, a picture some more."""
 
 

@@ -179,7 +179,11 @@ def _parser() -> _Parser:
         help="what becomes of clients' absolute paths of recordings: below that folder, or refused "
         "(default: below)",
     )
-    parser.add_argument("--threads", type=_count, help="threads that compute (default: all cores)")
+    parser.add_argument(
+        "--threads",
+        type=_count,
+        help="threads that compute (default: all cores; of 8, all but one)",
+    )
     parser.add_argument(
         "--loop",
         type=_count,

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from carstage_sim.kernels import device, kernel
-from carstage_sim.render.caster import Packets, RayCaster
+from carstage_sim.render.caster import Packets, RayCaster, usual_threads
 from carstage_sim.render.crew import CALLS, Crew, add, do, do_step, for_workers, load
 from driving import wait_for
 
@@ -21,6 +21,16 @@ def caster() -> Iterator[RayCaster]:
     one = RayCaster(4)
     yield one
     one.close()
+
+
+@pytest.mark.parametrize(("cores", "threads"), [(1, 1), (2, 2), (7, 7), (8, 7), (16, 15)])
+def test_of_many_cores_one_is_left_to_python_and_to_clients(
+    monkeypatch: pytest.MonkeyPatch, cores: int, threads: int
+) -> None:
+    monkeypatch.setattr(
+        "carstage_sim.render.caster.os.sched_getaffinity", lambda _: set(range(cores))
+    )
+    assert usual_threads() == threads
 
 
 @device

@@ -13,6 +13,7 @@ from carstage_sim.render.shared_kernels import share_shade_packets
 from carstage_sim.sensors import SensorAttributeError, WorldSensors
 from carstage_sim.sensors.looping import Looping
 from carstage_sim.sensors.sensor import SensorRegistry
+from carstage_sim.world.town_changes import TownChanges
 from sensor_worlds import GROUND, WALL, request, state, town
 
 pytestmark = pytest.mark.xdist_group("kernels")
@@ -65,6 +66,26 @@ def moving(frame):
             (i, (x + 0.2 * frame, y, z), yaw + frame) for i, (x, y, z), yaw in WORLD["vehicles"]
         ],
     )
+
+
+def test_a_scene_made_ahead_is_the_one_that_is_drawn_and_changes_nothing_before(sensors):
+    now, coming = moving(1), moving(2)
+    before = bytes_of(sensors.capture(now, rig()))
+    sensors.prepare(coming)
+    assert bytes_of(sensors.capture(now, rig())) == before
+    sensors.prepare(coming)
+    prepared = sensors._prepared[1]
+    assert sensors.frame_of(coming) is prepared
+    assert sensors.frame_of(coming) is not prepared
+
+
+def test_a_scene_in_which_the_town_looks_otherwise_is_not_made_ahead(sensors):
+    now = replace(moving(1), town_changes=TownChanges())
+    sensors.frame_of(now)
+    sensors.prepare(replace(moving(2), town_changes=TownChanges()))
+    assert sensors._prepared is None
+    sensors.prepare(replace(moving(2), town_changes=now.town_changes))
+    assert sensors._prepared is not None
 
 
 def bytes_of(frames):

@@ -132,6 +132,25 @@ def test_a_streak_of_rain_is_the_way_of_a_sixtieth_of_a_second():
     assert 0.02 < streaks.mean() < 0.2
 
 
+def test_black_paint_mirrors_a_low_sky_nearly_as_a_pane_does():
+    """At a slant of five degrees clear coat throws back half of the light."""
+    plates = frame_of(
+        merge_meshes(
+            [
+                block((6, y, 0), (14, y + 3, 1.0), material, CityObjectLabel.CAR, k + 1)
+                for k, (y, material) in enumerate(
+                    ((-4, Material.PAINT_BLACK), (1, Material.GLASS_DARK))
+                )
+            ]
+        )
+    )
+    flat = Camera(96, 72, 80.0, (-4.0, 0.0, 2.0), (-6.0, 0.0, 0.0), 0)
+    view = View(lambda: plates, RayCaster(1), maker(), _NOON, 1.0)
+    codes = view.colours(flat, Film()).astype(int)
+    paint, pane, sky = codes[34, 37:42].mean(), codes[34, 56:61].mean(), codes[34, 5].mean()
+    assert 0.95 * pane < paint < pane < 0.9 * sky
+
+
 def test_epic_darkens_corners_and_mirrors_in_glass():
     low, epic = picture(_NOON), picture(_NOON, quality=Quality.EPIC)
     assert (low != epic).any(axis=2).mean() > 0.03

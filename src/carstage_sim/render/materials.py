@@ -126,7 +126,7 @@ APPEARANCES: dict[Material, MaterialAppearance] = {
     Material.TAIL_LAMP: MaterialAppearance((132, 12, 14), 0.15, 0.04, glow=Glow.TAIL_LAMP),
     Material.BLINKER_LEFT: MaterialAppearance((164, 80, 22), 0.2, 0.04, glow=Glow.BLINKER_LEFT),
     Material.BLINKER_RIGHT: MaterialAppearance((164, 80, 22), 0.2, 0.04, glow=Glow.BLINKER_RIGHT),
-    Material.REVERSE_LAMP: MaterialAppearance((210, 210, 210), 0.2, 0.06, glow=Glow.REVERSE_LAMP),
+    Material.REVERSE_LAMP: MaterialAppearance((158, 154, 154), 0.2, 0.06, glow=Glow.REVERSE_LAMP),
     Material.SKIN: MaterialAppearance((198, 150, 124), 0.8, 0.03, paint=Paint.SKIN),
     Material.CLOTH_UPPER: MaterialAppearance(
         (70, 96, 140), 0.95, 0.02, Detail.CLOTH, paint=Paint.UPPER

@@ -130,3 +130,12 @@ def test_a_door_is_hollow_between_its_shoulder_and_the_sill(name):
     assert 0.40 < z[widest] < 0.55
     assert out[widest] - out[z < 0.38].max() > 0.005
     assert out[widest] - out[-1] > 0.01
+
+
+def test_under_an_off_road_car_one_sees_axles():
+    seen = Seen("jeep.wrangler_rubicon")
+    parameters = catalogue()["vehicle.jeep.wrangler_rubicon"].vehicle
+    for y in (-0.4, 0.15):
+        material, x = seen.met((seen.low[0] - 5.0, y, 0.43), 0, 1.0)
+        assert material is Material.PLASTIC_DARK
+        assert x == pytest.approx(parameters.rear_axle_x_m, abs=0.35)

@@ -33,10 +33,17 @@ _ASIDE = 2e-3
 """Relative distance of the points from whose places a direction of the skin is taken."""
 COWL = 0.022
 """Length of the dark strip at the windscreen's foot, relative."""
+_HOLLOW_M = 0.022
+"""How far a door stands in between its shoulder and the sill."""
+_ROOF_EDGE_M, _A_PILLAR_M, _FADE = 0.035, 0.015, 0.10
+"""Painted edge of the roof, what a pillar beside the windscreen is wider, and the length, relative,
+within which pillars beside the rear window become the roof's edge."""
 _HALF_PILLAR_M = 0.04
 """Half width of a pillar between side windows."""
 _LEAST_CABIN = 0.10
 """Rise over the belt, a share of the height, from which there is a cabin and no bonnet or boot."""
+_MOST_ASIDE_M = 0.015
+"""How far a plate that goes round a corner stands off the side at most."""
 _COLUMN, _SIDE_COLUMN, _ROW = 0.15, 0.08, 0.07
 """Widest quads of a panel: on a face, round its corner (shares of the half width), and tallest."""
 
@@ -116,6 +123,9 @@ class BodyShape:
         roof: material of the cabin above the belt, but for its windows.
         quarter: half width in metres of the painted pillar before a rear quarter window, the
             rearmost one; 0 without such a window.
+        rear_pillar: how much wider than the roof's edge the painted pillars beside the rear window
+            are, in metres.
+        bumper: whether the rear bumper stands out below the lid as a ledge.
     """
 
     top: _Points
@@ -152,6 +162,8 @@ class BodyShape:
     pillar: Material = Material.PLASTIC_DARK
     roof: Material = Material.PAINT
     quarter: float = 0.0
+    rear_pillar: float = 0.05
+    bumper: bool = False
 
     @property
     def rugged(self) -> bool:
@@ -218,7 +230,7 @@ class CarBody:
         self._width = Curve(shape.width)
         self._sections: dict[float, Array] = {}
 
-    def _stations(self) -> Array:
+    def stations(self) -> Array:
         """Relative x of the sections: even ones, feature edges, and arches in fine steps."""
         s, f = self.shape, self.frame
         edges = [*s.rear_window, *s.windscreen, *s.side_glass, -1.0, 1.0]
@@ -258,6 +270,16 @@ class CarBody:
             self._sections[x] = self._new_section(x)
         return self._sections[x]
 
+    def _pillar_width(self, x: float) -> float:
+        """How far the edges of windscreen, roof and rear window stand in from the roof's side."""
+        s = self.shape
+        if s.faceted:
+            return _ROOF_EDGE_M
+        ahead = _A_PILLAR_M * (x > s.windscreen[0] - 0.02)
+        lower, upper = s.rear_window
+        behind = float(np.clip((upper + _FADE - x) / _FADE, 0.0, 1.0)) if lower >= -1.0 else 0.0
+        return _ROOF_EDGE_M + ahead + s.rear_pillar * behind
+
     def _new_section(self, x: float) -> Array:
         s, f = self.shape, self.frame
         height = f.height
@@ -275,7 +297,7 @@ class CarBody:
         house = np.clip((rise / height - 0.09) / 0.14, 0.0, 1.0)
         house = house * house * (3 - 2 * house)
         roof = w - s.tumblehome * f.half_width * min(rise / (0.36 * height), 1.15)
-        flank = arch + 0.45 * (belt - arch)
+        flank = arch + 0.40 * (belt - arch)
         if s.cladding and not s.faceted:
             # The edge of bare plastic runs along the sills and round the arches.
             flank = min(max(s.cladding * height, arch + _FLARE_M), flank)
@@ -284,22 +306,24 @@ class CarBody:
             max((0.80 - abs(x)) / 0.1, 0.0), 1.0
         )
         tucked *= not s.faceted
+        # Doors are hollow below the shoulder, the line along which the body is widest.
+        hollow = _HOLLOW_M * tucked
         side = [
             (min(inner, w * 0.9), floor),
             (min(inner, w * 0.9), arch),
             (w * 0.955 - _TUCK_M * tucked, arch),
             (w * 0.985 - 0.3 * _TUCK_M * tucked, arch + 0.02 + 0.6 * _TUCK_M * tucked),
-            (w * 1.0, flank),
-            (w * 0.995, arch + 0.62 * (belt - arch)),
-            (w * 0.985, arch + 0.86 * (belt - arch)),
-            (w * 0.955, belt),
+            (w * 1.0 - hollow, flank),
+            (w * 1.0, arch + 0.70 * (belt - arch)),
+            (w * 0.980, arch + 0.88 * (belt - arch)),
+            (w * 0.950, belt),
         ]
         # Over the bonnet the section is a flat vault, in the cabin windows and a roof.
         vault = _FLAT if s.faceted else _vault(s.screen_foot)
         cabin = [
             (w * 0.925, belt + 0.012),
             (roof + 0.10 * (w - roof), belt + 0.88 * rise),
-            (roof - 0.035, belt + 0.965 * rise),
+            (roof - self._pillar_width(x), belt + 0.965 * rise),
             (roof * 0.5, belt + 0.995 * rise),
             (0.0, top),
         ]
@@ -326,7 +350,7 @@ class CarBody:
 
     def add_to(self, builder: ShapeBuilder) -> None:
         """Add the skin with its windows; :mod:`carstage_sim.content.car_trim` adds the rest."""
-        x = self._stations()
+        x = self.stations()
         half = np.stack([self.section(station) for station in x])
         along = self._leaning(x, half)
         full = np.concatenate([half[:, ::-1] * [-1.0, 1.0], half[:, 1:]], axis=1)
@@ -479,7 +503,7 @@ class CarBody:
             side = np.clip((abs(share) - 0.85) / 0.15, 0.0, 1.0) * np.sign(share)
             y = np.clip(share, -1.0, 1.0) * wide
             points[:, column] = self.place(np.full_like(y, x), y, z)
-            points[:, column, 1] += side * raised
+            points[:, column, 1] += side * min(raised, _MOST_ASIDE_M)
         points[..., 0] += end * raised
         builder.grid(points, material)
 

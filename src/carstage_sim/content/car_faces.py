@@ -15,6 +15,10 @@ PLATE_HALF_M = (0.26, 0.056)
 _FRONT, _REAR = 1.0, -1.0
 SPARE_M = 0.17
 """How far a spare wheel stands off a rear door."""
+LEDGE_M = 0.05
+"""How far a rear bumper stands out below the lid."""
+_LEDGE = ((0.0, 0.25), (0.12, 0.80), (0.50, 1.0), (0.90, 0.95), (0.98, 0.80), (1.0, 0.0))
+"""Its profile: share of its height, and of its depth."""
 
 
 def add_front(builder: ShapeBuilder, body: CarBody, plate: str) -> None:
@@ -23,11 +27,12 @@ def add_front(builder: ShapeBuilder, body: CarBody, plate: str) -> None:
     low, high, wide = s.intake
     dark = Material.PLASTIC_DARK
     mouth = [(u * wide, low + 0.012 * abs(u), high - 0.03 * abs(u) ** 3) for u in _even(9)]
-    body.panel(builder, _FRONT, mouth, dark, raised=0.006)
+    # The face is flat between its few rows there: it stands up to 12 mm before its curve.
+    body.panel(builder, _FRONT, mouth, dark, raised=0.016)
     for share in (0.32, 0.62):
         z = low + share * (high - low)
         slat = [(u * wide * 0.94, z, z + 0.008) for u in _even(5)]
-        body.panel(builder, _FRONT, slat, Material.PAINT_GREY, raised=0.011, rows=1)
+        body.panel(builder, _FRONT, slat, Material.PAINT_GREY, raised=0.019, rows=1)
     if s.rugged:
         _add_off_road_bumper(builder, body)
     else:
@@ -210,7 +215,7 @@ def _add_head_lamp(builder: ShapeBuilder, body: CarBody, sign: float, blinker: M
     body.panel(builder, _FRONT, grown, Material.PLASTIC_DARK, raised=0.005)
     body.panel(builder, _FRONT, outline, cover, raised=0.009)
     body.panel(builder, _FRONT, _slice(outline, 0.02, 0.20), lens, raised=0.013, rows=1)
-    turn = _lamp_outline(sign, (y1 - 0.30 * (y1 - y0), y1, z0, z1), 0.0)
+    turn = _lamp_outline(sign, (y1 - 0.18 * (y1 - y0), y1, z0, z1), 0.0)
     inside = [(u, *_between(outline, u)) for u, _, _ in turn]
     body.panel(builder, _FRONT, _slice(inside, 0.25, 0.80), blinker, raised=0.013, rows=1)
     last = min(y1 - 0.34 * (y1 - y0), 0.88)
@@ -246,15 +251,21 @@ def add_rear(builder: ShapeBuilder, body: CarBody, plate: str) -> None:
     add_rear_glass(builder, body)
     floor = body.floor(-1.0) / f.height
     bumper = max(s.clearance + 0.17, floor + 0.115)
-    if not s.rugged:
-        valance = [(u * 0.9, floor + 0.004, floor + 0.07) for u in _even(9)]
-        body.panel(builder, _REAR, valance, dark, raised=0.010)
-        crease = [(u, bumper, bumper + 0.008) for u in (-1.2, -1.05, *_even(9), 1.05, 1.2)]
-        body.panel(builder, _REAR, crease, dark, raised=0.004, rows=1)
+    ledge = LEDGE_M if s.bumper else 0.0
     below = 0.10 if s.boot else 0.15 if s.tails is Tails.STRIP else 0.02
     under_plate = max(z0 - below, bumper + (0.07 if s.boot else 0.08))
     if s.spare:
         under_plate = floor + 0.045
+    lid_from = bumper
+    if s.bumper:
+        lid_from = under_plate - 0.062
+        _add_ledge(builder, body, floor, lid_from)
+    if not s.rugged:
+        valance = [(u * 0.9, floor + 0.004, floor + 0.07) for u in _even(9)]
+        body.panel(builder, _REAR, valance, dark, raised=0.010 + ledge)
+        if not s.bumper:
+            crease = [(u, bumper, bumper + 0.008) for u in (-1.2, -1.05, *_even(9), 1.05, 1.2)]
+            body.panel(builder, _REAR, crease, dark, raised=0.004, rows=1)
     recess = [(u * 0.40, under_plate - 0.055, under_plate + 0.062) for u in _even(3)]
     body.panel(builder, _REAR, recess, Material.PAINT_GREY, raised=0.003)
     _add_plate(builder, body, _REAR, under_plate * f.height, plate)
@@ -267,17 +278,36 @@ def add_rear(builder: ShapeBuilder, body: CarBody, plate: str) -> None:
     add_tail_lamps(builder, body)
     for sign in (-1.0, 1.0):
         seam = (y0 + 0.03 if y0 else 0.64) if s.boot else 0.93
-        lid = [(sign * seam, bumper, z0 if s.boot else z1 + 0.02)]
+        lid = [(sign * seam, lid_from, z0 if s.boot else z1 + 0.02)]
         lid.append((sign * (seam + 0.012), *lid[0][1:]))
         body.panel(builder, _REAR, lid, dark, raised=0.004)
         glint = [(sign * u, bumper - 0.045, bumper - 0.020) for u in (0.66, 0.86)]
-        body.panel(builder, _REAR, glint, Material.SIGN_RED, raised=0.008, rows=1)
+        body.panel(builder, _REAR, glint, Material.SIGN_RED, raised=0.008 + ledge, rows=1)
         if s.boot or s.cladding:
             tip = (sign * 0.58, floor + 0.03)
-            body.disc(builder, _REAR, tip, 0.042, Material.RIM, raised=0.016)
-            body.disc(builder, _REAR, tip, 0.032, Material.PAINT_BLACK, raised=0.019)
+            body.disc(builder, _REAR, tip, 0.042, Material.RIM, raised=0.016 + ledge)
+            body.disc(builder, _REAR, tip, 0.032, Material.PAINT_BLACK, raised=0.019 + ledge)
     if s.rugged:
         _add_tailgate(builder, body, under_plate)
+
+
+def _add_ledge(builder: ShapeBuilder, body: CarBody, floor: float, top: float) -> None:
+    """A rear bumper between two shares of the height: it stands out and goes round the corners."""
+    columns = np.array([-1.36, -1.26, -1.14, -1.06, -1.0, -0.92, *np.linspace(-0.75, 0.75, 7)])
+    columns = np.concatenate([columns, -columns[5::-1]])
+    share, depth = np.array(_LEDGE).T
+    z = (floor + share * (top - floor)) * body.frame.height
+    beyond = np.maximum(np.abs(columns) - 1.0, 0.0)
+    fade = np.clip((0.36 - beyond) / 0.10, 0.0, 1.0)
+    points = np.empty((len(z), len(columns), 3))
+    for k, u in enumerate(columns):
+        x = -1.0 + beyond[k] * body.frame.half_width / body.frame.half_length
+        y = np.clip(u, -1.0, 1.0) * body.across(float(x), z)
+        points[:, k] = body.place(np.full_like(y, x), y, z)
+        side = np.clip((abs(u) - 0.85) / 0.15, 0.0, 1.0) * np.sign(u)
+        points[:, k, 1] += side * 0.01 * depth * fade[k]
+    points[..., 0] -= LEDGE_M * depth[:, None] * fade
+    builder.grid(points, Material.PAINT, crease_deg=30.0)
 
 
 def add_rear_glass(builder: ShapeBuilder, body: CarBody) -> None:
@@ -303,14 +333,15 @@ def _add_tailgate(builder: ShapeBuilder, body: CarBody, plate: float) -> None:
     """What is on a tall rear door and below it: a spare wheel, or a bright strip."""
     s, f = body.shape, body.frame
     floor = body.floor(-1.0) / f.height
+    ledge = LEDGE_M if s.bumper else 0.0
     bumper = [(u, floor, s.cladding + 0.03) for u in (-1.25, *_even(9), 1.25)]
-    body.panel(builder, _REAR, bumper, Material.PLASTIC_DARK, raised=0.003)
+    body.panel(builder, _REAR, bumper, Material.PLASTIC_DARK, raised=0.003 + ledge)
     if s.spare:
         center = (f.center_x - f.half_length - 0.085, 0.0, 0.49 * f.height)
         add_spare(builder, center, 0.88 * f.wheel_radius)
         return
     skid = [(u * 0.40, floor - 0.002, floor + 0.045) for u in _even(5)]
-    body.panel(builder, _REAR, skid, Material.PAINT_GREY, raised=0.014, rows=1)
+    body.panel(builder, _REAR, skid, Material.PAINT_GREY, raised=0.014 + ledge, rows=1)
     if s.tails is not Tails.STRIP:
         strip = [(u * (s.tail_lamp[0] - 0.01), plate + 0.075, plate + 0.10) for u in _even(5)]
         body.panel(builder, _REAR, strip, Material.RIM, raised=0.013, rows=1)
@@ -358,7 +389,7 @@ def _add_tail_lamp(builder: ShapeBuilder, body: CarBody, sign: float, blinker: M
         line = [(sign * u, z0, z1) for u in np.linspace(y0, y1, 6)]
         body.panel(builder, _REAR, line, tail, raised=0.012, rows=1)
         for first, last, material in ((0.66, 0.80, back), (0.82, 0.98, blinker)):
-            edge = [(sign * u, z0 - 0.045, z0 - 0.012) for u in (first, last)]
+            edge = [(sign * u, z0 - 0.032, z0 - 0.013) for u in (first, last)]
             body.panel(builder, _REAR, edge, material, raised=0.012, rows=1)
         return
     swept = 0.6 if s.tails is Tails.SWEPT else 0.0
@@ -367,12 +398,12 @@ def _add_tail_lamp(builder: ShapeBuilder, body: CarBody, sign: float, blinker: M
     body.panel(builder, _REAR, grown, Material.PLASTIC_DARK, raised=0.005)
     body.panel(builder, _REAR, outline, tail, raised=0.010)
     if s.tails is Tails.SWEPT:
-        inner = [(sign * u, *_between(outline, sign * u)) for u in (y0 + 0.02, y0 + 0.16)]
-        body.panel(builder, _REAR, _slice(inner, 0.15, 0.60), back, raised=0.014, rows=1)
-        spans = [(0.30, 0.46)]
+        inner = [(sign * u, *_between(outline, sign * u)) for u in (y0 + 0.03, y0 + 0.14)]
+        body.panel(builder, _REAR, _slice(inner, 0.20, 0.46), back, raised=0.014, rows=1)
+        spans = [(0.32, 0.44)]
     else:
-        body.panel(builder, _REAR, _slice(outline[:4], 0.06, 0.22), back, raised=0.014, rows=1)
-        spans = [(0.40, 0.58)]
+        body.panel(builder, _REAR, _slice(outline[:3], 0.10, 0.22), back, raised=0.014, rows=1)
+        spans = [(0.44, 0.54)]
     for low, high in spans:
         first = 1 if s.tails is Tails.SWEPT else 0
         body.panel(
@@ -385,9 +416,11 @@ def _add_tail_lamp(builder: ShapeBuilder, body: CarBody, sign: float, blinker: M
 
 def _add_plate(builder: ShapeBuilder, body: CarBody, end: float, z: float, number: str) -> None:
     """A plate in the middle of a face."""
-    # Plates are flat: they stand where the face does in its middle.
-    x = body.on_face(end, np.zeros(1), np.array([z]), 0.022)[0, 0]
-    add_number_plate(builder, float(x), end, z, number)
+    # Plates are flat: they stand where the face does in its middle, before bars and within the box.
+    f = body.frame
+    x = float(body.on_face(end, np.zeros(1), np.array([z]), 0.034 if end > 0 else 0.022)[0, 0])
+    most = f.center_x + end * (f.half_length - 0.006)
+    add_number_plate(builder, min(x, most) if end > 0 else x, end, z, number)
 
 
 def add_number_plate(builder: ShapeBuilder, x: float, end: float, z: float, number: str) -> None:

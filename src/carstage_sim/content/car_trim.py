@@ -8,6 +8,8 @@ from carstage_sim.content.car_body import COWL, CarBody
 from carstage_sim.content.lofting import ShapeBuilder
 from carstage_sim.mesh import Material
 
+_OFF_SKIN_M = 0.005
+"""How far joints of doors lie before the skin: it is flat between sections, they are not."""
 _BORDER_M = 0.05
 """Width of the black print round a screen."""
 _BORDER_STEP_M = 0.15
@@ -41,7 +43,7 @@ def _add_doors(builder: ShapeBuilder, body: CarBody) -> None:
         if over_arch and seam > 0.0:
             continue
         for sign in (-1.0, 1.0):
-            y = sign * (half[:, 0] + 0.002)
+            y = sign * (half[:, 0] + _OFF_SKIN_M)
             line = [
                 body.place(np.full(len(y), seam + shift / f.half_length), y, half[:, 1])
                 for shift in (-0.005, 0.005)
@@ -50,7 +52,8 @@ def _add_doors(builder: ShapeBuilder, body: CarBody) -> None:
             if number == len(seams) - 1:
                 continue
             grip = body.belt(seam) - 0.09
-            side = sorted((sign * (half[-2, 0] - 0.02), sign * (half[-2, 0] + 0.012)))
+            skin = float(body.across(seam, np.array(grip)))
+            side = sorted((sign * (skin - 0.02), sign * (skin + 0.016)))
             x = f.center_x + seam * f.half_length + 0.06
             builder.box(
                 (x, side[0], grip - 0.012), (x + 0.17, side[1], grip + 0.012), Material.PAINT
@@ -64,12 +67,18 @@ def _add_lids(builder: ShapeBuilder, body: CarBody) -> None:
     foot = s.windscreen[1] + COWL
     shoulder = body.GLASS + 0.05
     if foot < 0.92:
-        sides = [(x, shoulder) for x in np.linspace(foot, 0.955, 7)]
-        lid = [(0.955, c) for c in np.linspace(shoulder, body.MIDDLE, 5)]
-        body.ribbon(builder, [*sides, *lid[1:]], dark, wide=0.015, raised=0.012)
+        # A line follows the skin where it has its corners: on sections and columns.
+        stations = body.stations()
+        # Its front edge is where it bends down: who looks along a line sees dashes.
+        end = float(stations[stations < 0.99][-1])
+        sides = [(x, shoulder) for x in (foot, *stations[(stations > foot) & (stations < end)])]
+        lid = [(end, c) for c in (shoulder, *range(body.GLASS + 1, body.MIDDLE + 1))]
+        body.ribbon(builder, [*sides, *lid], dark, wide=0.014, raised=0.008)
     if s.boot:
         start = s.rear_window[0] - 0.01
-        sides = [(x, shoulder) for x in np.linspace(start, -0.985, 5)]
+        stations = body.stations()
+        inner = stations[(stations > -0.985) & (stations < start)][::-1]
+        sides = [(x, shoulder) for x in (start, *inner, -0.985)]
         body.ribbon(builder, sides, dark)
     low, high = s.windscreen[1], s.windscreen[0]
     for first, last, sign in ((0.10, 0.80, 1.0), (0.55, 0.05, -1.0)):

@@ -65,7 +65,16 @@ def add_offroader(builder: ShapeBuilder, frame: VehicleFrame, half_width: float)
     for axle in frame.axles:
         for sign in (-1.0, 1.0):
             _add_wing(builder, frame, axle, sign, (0.70 * half_width, half_width))
+        _add_axle(builder, frame, axle, 0.85 * half_width)
     return tub
+
+
+def _add_axle(builder: ShapeBuilder, frame: VehicleFrame, x: float, half: float) -> None:
+    """A rigid axle with its gear, seen under a body that stands high, and what hangs above it."""
+    z = frame.wheel_radius
+    builder.limb([(x, -half, z), (x, half, z)], [0.045, 0.045], _DARK, sides=6)
+    builder.box((x - 0.13, -0.02, z - 0.14), (x + 0.13, 0.26, z + 0.14), _DARK)
+    builder.box((x - 0.30, -0.52, z + 0.10), (x + 0.42, 0.52, z + 0.28), _DARK)
 
 
 def _add_wing(

@@ -95,7 +95,7 @@ _SEDAN = BodyShape(
     width=_ROUND, rear_window=(-0.69, -0.34), windscreen=(0.20, 0.50),
     side_glass=(-0.52, 0.41), pillars=(-0.06,),
     head_lamp=(0.52, 1.26, 0.415, 0.495), tail_lamp=(0.46, 1.22, 0.485, 0.59),
-    grille=(0.37, 0.50, 0.42), intake=(0.165, 0.29, 0.72),
+    grille=(0.37, 0.50, 0.42), intake=(0.165, 0.29, 0.72), bumper=True,
 )
 _HATCH = BodyShape(
     top=(
@@ -108,7 +108,8 @@ _HATCH = BodyShape(
     side_glass=(-0.68, 0.43), pillars=(-0.40, 0.0),
     head_lamp=(0.54, 1.24, 0.39, 0.48), tail_lamp=(0.60, 1.18, 0.45, 0.60),
     grille=(0.385, 0.475, 0.48), bars=Bars.MESH, intake=(0.165, 0.30, 0.66), tail_lean=0.04,
-    boot=False, tinted=True, leans=((-0.90, 0.0), (-0.68, 0.06), (-0.42, 0.0)),
+    boot=False, tinted=True, leans=((-0.90, 0.0), (-0.68, 0.06), (-0.42, 0.0)), rear_pillar=0.08,
+    bumper=True,
 )
 _SUV = BodyShape(
     top=(
@@ -117,14 +118,14 @@ _SUV = BodyShape(
         (0.78, 0.65), (0.92, 0.625), (0.975, 0.60), (1.0, 0.56),
     ),
     belt=((-1.0, 0.61), (-0.5, 0.615), (0.3, 0.60), (0.5, 0.59), (0.8, 0.575), (1.0, 0.52)),
-    width=_ROUND, rear_window=(-0.975, -0.90), windscreen=(0.18, 0.42),
+    width=_ROUND, rear_window=(-0.992, -0.93), windscreen=(0.18, 0.42),
     side_glass=(-0.87, 0.34), pillars=(-0.56, -0.10),
     leans=((-0.98, 0.0), (-0.87, 0.075), (-0.56, 0.045), (-0.30, 0.0)), quarter=0.06,
     clearance=0.125, tumblehome=0.17, cladding=0.23, nose_round=0.17, nose_lean=0.05,
     tail_lean=0.03,
     head_lamp=(0.56, 1.16, 0.455, 0.535), tail_lamp=(0.70, 1.12, 0.43, 0.61),
     tails=Tails.UPRIGHT, grille=(0.37, 0.565, 0.53), intake=(0.205, 0.30, 0.66), boot=False,
-    tinted=True, rails=True,
+    tinted=True, rails=True, rear_pillar=0.09, bumper=True,
 )
 
 SHAPES: dict[Build, BodyShape] = {
@@ -142,6 +143,7 @@ SHAPES: dict[Build, BodyShape] = {
         leans=((-0.74, 0.0), (-0.60, 0.06), (-0.40, 0.0)),
         head_lamp=(0.56, 1.24, 0.41, 0.485), tail_lamp=(0.42, 1.16, 0.505, 0.59),
         grille=(0.335, 0.475, 0.48), bars=Bars.MESH, intake=(0.15, 0.265, 0.78), clearance=0.10,
+        bumper=True,
     ),
     Build.SUV: _SUV,
     Build.OFFROAD: replace(
@@ -157,7 +159,7 @@ SHAPES: dict[Build, BodyShape] = {
         tumblehome=0.12, nose_round=0.03, tail_round=0.04, nose_lean=0.01, tail_lean=0.01,
         cladding=0.0, clearance=0.24, head_lamp=(0.58, 0.88, 0.487, 0.583), lamps=Lamps.ROUND,
         tail_lamp=(0.80, 0.97, 0.43, 0.56), grille=(0.435, 0.60, 0.50), bars=Bars.SLOTS,
-        rear_glass=(0.66, 0.90, 0.78), tinted=False, rails=False, spare=True,
+        rear_glass=(0.66, 0.90, 0.78), tinted=False, rails=False, spare=True, bumper=False,
     ),
     Build.BUBBLE: replace(
         _HATCH,
@@ -168,7 +170,7 @@ SHAPES: dict[Build, BodyShape] = {
         belt=((-1.0, 0.55), (-0.4, 0.58), (0.5, 0.54), (0.85, 0.46), (1.0, 0.36)),
         rear_window=(-0.93, -0.66), windscreen=(0.34, 0.84), side_glass=(-0.66, 0.62), tinted=False,
         pillars=(-0.2,), head_lamp=(0.62, 0.9, 0.34, 0.42), lamps=Lamps.ROUND, grille=None,
-        intake=(0.165, 0.20, 0.6), tail_lamp=(0.66, 1.1, 0.44, 0.54),
+        intake=(0.165, 0.20, 0.6), tail_lamp=(0.66, 1.1, 0.44, 0.54), bumper=False,
     ),
     Build.VAN: BodyShape(
         top=(
@@ -262,7 +264,7 @@ _OUTLINES: dict[str, BodyShape] = {
     ),
     "bmw.grandtourer": _moved(_HATCH, (-0.62, -0.74), (-0.40, -0.50), (0.52, 0.50)),
     "chevrolet.impala": _LIMOUSINE,
-    "citroen.c3": _moved(_HATCH, (0.18, 0.15), (0.52, 0.50)),
+    "citroen.c3": replace(_moved(_HATCH, (0.18, 0.15), (0.52, 0.50)), tinted=False),
     "dodge.charger_2020": _CHARGER,
     "dodge.charger_police": _CHARGER,
     "dodge.charger_police_2020": _CHARGER,
@@ -272,7 +274,7 @@ _OUTLINES: dict[str, BodyShape] = {
     "lincoln.mkz_2020": _moved(_SEDAN, (-0.69, -0.74), (0.20, 0.14), (0.50, 0.45)),
     "mini.cooper_s": _MINI,
     "mini.cooper_s_2021": _MINI,
-    "nissan.micra": _moved(_HATCH, (0.52, 0.50)),
+    "nissan.micra": replace(_moved(_HATCH, (0.52, 0.50)), tinted=False),
     "nissan.patrol": replace(
         _SUV,
         top=(
@@ -285,14 +287,16 @@ _OUTLINES: dict[str, BodyShape] = {
         pillar=Material.PAINT, tumblehome=0.13, nose_round=0.10, tail_round=0.06, nose_lean=0.02,
         tail_lean=0.01, head_lamp=(0.55, 0.97, 0.45, 0.55), lamps=Lamps.SQUARE,
         tail_lamp=(0.82, 0.98, 0.42, 0.58), grille=(0.45, 0.555, 0.48), spare=True,
+        bumper=False,
     ),
     "seat.leon": _LEON,
+    "tesla.model3": _moved(_SEDAN, (-0.69, -0.78), (-0.34, -0.42), (0.20, 0.12)),
     "toyota.prius": _moved(_SEDAN, (-0.69, -0.86), (-0.34, -0.40), (0.20, 0.10), (0.50, 0.53)),
 }  # fmt: skip
 
 # What tells a model from others of its build.
 _OWN: dict[str, dict[str, Any]] = {
-    "audi.a2": {"grille": (0.365, 0.46, 0.40), "bars": Bars.ACROSS},
+    "audi.a2": {"grille": (0.365, 0.46, 0.40), "bars": Bars.ACROSS, "tinted": False},
     "audi.etron": {
         "grille": (0.325, 0.545, 0.42),
         "head_lamp": (0.52, 1.18, 0.455, 0.525),
@@ -318,7 +322,7 @@ _OWN: dict[str, dict[str, Any]] = {
         "tail_lamp": (0.62, 0.96, 0.48, 0.61),
     },
     "lincoln.mkz_2020": {"tails": Tails.STRIP, "tail_lamp": (0.0, 1.0, 0.53, 0.57)},
-    "nissan.patrol_2021": {"bars": Bars.VEE},
+    "nissan.patrol_2021": {"bars": Bars.VEE, "tumblehome": 0.24},
     "nissan.micra": {"grille": (0.39, 0.455, 0.36), "bars": Bars.ACROSS},
     "tesla.model3": {"grille": None, "intake": (0.15, 0.25, 0.66)},
     "toyota.prius": {"grille": (0.43, 0.475, 0.36), "intake": (0.16, 0.32, 0.62)},

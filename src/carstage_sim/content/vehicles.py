@@ -9,7 +9,7 @@ import numpy as np
 
 from carstage_sim.content.cabins import Cabin, add_cabin
 from carstage_sim.content.car_body import CarBody
-from carstage_sim.content.car_faces import SPARE_M, add_front, add_rear
+from carstage_sim.content.car_faces import LEDGE_M, SPARE_M, add_front, add_rear
 from carstage_sim.content.car_trim import add_trim
 from carstage_sim.content.lofting import ShapeBuilder
 from carstage_sim.content.marks import LIGHT_BAR_M, add_bus_marks, add_police, add_taxi
@@ -118,7 +118,7 @@ def _add_car(builder: ShapeBuilder, build: Build, frame: VehicleFrame) -> None:
         frame = replace(frame, wheel_radius=size.tyre_radius)
     marks = _MARKS.get(frame.type_id.removeprefix("vehicle."))
     height = frame.high[2] - (LIGHT_BAR_M if marks is not None else 0.0)
-    rear = frame.low[0] + (SPARE_M if shape.spare else 0.0)
+    rear = frame.low[0] + (SPARE_M if shape.spare else LEDGE_M if shape.bumper else 0.0)
     body = frame.body(share, rear, frame.high[0], height)
     car = CarBody(shape, body)
     car.add_to(builder)

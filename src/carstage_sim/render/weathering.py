@@ -15,6 +15,12 @@ _ZERO: Any = np.float32(0)
 _ONE: Any = np.float32(1)
 _TAU: Any = np.float32(2 * math.pi)
 _RINGS = 3
+_CELL_M: Any = np.float32(0.3)
+"""Height of the room in which at most one drop falls."""
+_STREAK_M: Any = np.float32(0.13)
+"""Length of a streak: the way of a drop at 8 m/s in a 60th of a second."""
+_STREAK_HALF_M: Any = np.float32(0.003)
+"""Half its width."""
 
 
 @inlined
@@ -71,16 +77,15 @@ def rain_share(light, dx, dy, dz, distance, pixel_angle):  # type: ignore[no-unt
         column = math.floor(x)
         shown = column % columns
         speed = np.float32(7.0) + np.float32(2.0) * hash_unit(shown, ring, 51)
-        y = (height + light.time_s * speed) / np.float32(0.9) + hash_unit(shown, ring, 52) * 9
+        y = (height + light.time_s * speed) / _CELL_M + hash_unit(shown, ring, 52) * 9
         drop = math.floor(y)
         if hash_unit(shown, int(drop), 53 + ring) > light.rain * np.float32(0.6):
             continue
-        along = np.float32(y - drop)
+        along = min(np.float32(y - drop) * (_CELL_M / _STREAK_M), _ONE)
         middle = np.float32(0.2) + np.float32(0.6) * hash_unit(shown, int(drop), 60 + ring)
         cell = _TAU * away / columns
-        wide = np.float32(0.006)
-        soft = max(away * pixel_angle, wide)
+        soft = max(away * pixel_angle, _STREAK_HALF_M)
         off = abs(np.float32(x - column) - middle) * cell
-        cover = max(_ONE - off / soft, _ZERO) * min(wide / soft * 2, _ONE)
+        cover = max(_ONE - off / soft, _ZERO) * min(_STREAK_HALF_M / soft * 2, _ONE)
         total += cover * along * (_ONE - along) * 4
     return min(total, _ONE) * np.float32(0.28)

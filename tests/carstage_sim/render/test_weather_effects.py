@@ -119,6 +119,38 @@ def test_rain_falls_and_its_streaks_move():
     assert np.array_equal(dry, picture(replace(_NOON, wind_intensity=0.0), time_s=1.05))
 
 
+def test_a_streak_of_rain_is_the_way_of_a_sixtieth_of_a_second():
+    """13 cm: of the nearest ones, at 2.5 m, at most 15 px here; two may meet in one column."""
+    rain = replace(_NOON, precipitation=60.0, wind_intensity=0.0)
+    wall = frame_of(block((30, -20, 0), (31, 20, 20), Material.TAR, CityObjectLabel.WALLS))
+    level = Camera(96, 72, 20.0, (0.0, 0.0, 6.0), (0.0, 0.0, 0.0), 0)
+    codes = View(lambda: wall, RayCaster(1), maker(), rain, 1.0).colours(level, Film()).sum(axis=2)
+    streaks = codes.astype(int) - np.median(codes, axis=1, keepdims=True) > 15
+    edges = np.diff(np.pad(streaks, ((1, 1), (0, 0))).astype(int).T, axis=1)
+    lengths = np.argwhere(edges == -1)[:, 1] - np.argwhere(edges == 1)[:, 1]
+    assert 10 <= lengths.max() <= 30
+    assert 0.02 < streaks.mean() < 0.2
+
+
+def test_black_paint_mirrors_a_low_sky_nearly_as_a_pane_does():
+    """At a slant of five degrees clear coat throws back half of the light."""
+    plates = frame_of(
+        merge_meshes(
+            [
+                block((6, y, 0), (14, y + 3, 1.0), material, CityObjectLabel.CAR, k + 1)
+                for k, (y, material) in enumerate(
+                    ((-4, Material.PAINT_BLACK), (1, Material.GLASS_DARK))
+                )
+            ]
+        )
+    )
+    flat = Camera(96, 72, 80.0, (-4.0, 0.0, 2.0), (-6.0, 0.0, 0.0), 0)
+    view = View(lambda: plates, RayCaster(1), maker(), _NOON, 1.0)
+    codes = view.colours(flat, Film()).astype(int)
+    paint, pane, sky = codes[34, 37:42].mean(), codes[34, 56:61].mean(), codes[34, 5].mean()
+    assert 0.95 * pane < paint < pane < 0.9 * sky
+
+
 def test_epic_darkens_corners_and_mirrors_in_glass():
     low, epic = picture(_NOON), picture(_NOON, quality=Quality.EPIC)
     assert (low != epic).any(axis=2).mean() > 0.03

@@ -366,7 +366,10 @@ def pattern(kind, x, y, z, nx, ny, nz, edges, owner, number, pixel):  # type: ig
             s, t, np.float32(0.21), np.float32(0.6), np.float32(1.6), np.float32(4.0),
             np.float32(11.0), np.float32(1.0), 47,
         )  # fmt: skip
-        weathered = np.float32(0.08) * fired * _layer(np.float32(0.21), pixel)
+        # Where single bricks fade, a mean of two of them is left of their tones.
+        faint = min(pixel * np.float32(1 / 0.0415), _ONE)
+        tones = np.float32(0.08) + np.float32(0.125) * faint
+        weathered = tones * fired * _layer(np.float32(0.21), pixel)
         weathered += np.float32(0.08) * soot * _layer(np.float32(0.6), pixel)
         weathered += np.float32(0.07) * cloud * _layer(np.float32(1.6), pixel)
         weathered += np.float32(0.07) * slow + np.float32(0.05) * field

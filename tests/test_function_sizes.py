@@ -51,6 +51,7 @@ REASONS = {
     "carstage_sim/render/cast.py _walk": _LOOP,
     "carstage_sim/render/cast.py cast_rays": _KERNEL,
     "carstage_sim/render/cast.py trace_actors": _LOOP,
+    "carstage_sim/render/detail.py _six_noises": _KERNEL,
     "carstage_sim/render/detail.py pattern": _KERNEL,
     "carstage_sim/render/edges.py _even_part": _KERNEL,
     "carstage_sim/render/edges.py _gather_part": _KERNEL,

@@ -78,31 +78,34 @@ def _layer(size, pixel):  # type: ignore[no-untyped-def]
 
 
 @device
-def _five_noises(x, y, a, b, c, d, e, seed):  # type: ignore[no-untyped-def]
+def _six_noises(x, y, a, b, c, d, e, f, seed):  # type: ignore[no-untyped-def]
     return (
         noise(x / a, y / a, seed),
         noise(x / b, y / b, seed + 1),
         noise(x / c, y / c, seed + 2),
         noise(x / d, y / d, seed + 3),
         noise(x / e, y / e, seed + 4),
+        noise(x / f, y / f, seed + 5),
     )
 
 
-five_noises = side_by_side(_five_noises)
-"""Noise with bumps of five sizes, of seeds that follow each other, for the price of one."""
+six_noises = side_by_side(_six_noises)
+"""Noise with bumps of six sizes, of seeds that follow each other, for the price of one."""
 
 
 @device
 def asphalt(x, y, pixel):  # type: ignore[no-untyped-def]
     """Chippings, worn patches and long stains."""
-    chips, patches, stains, slow, seam = five_noises(
+    chips, patches, stains, slow, seam, gravel = six_noises(
         x, y, np.float32(0.025), np.float32(0.16), np.float32(1.3), np.float32(7.0),
-        np.float32(4.3), 1,
+        np.float32(4.3), np.float32(0.06), 1,
     )  # fmt: skip
     slow *= _layer(np.float32(7.0), pixel)
     value = (
         _ONE
         + np.float32(0.28) * chips * _layer(np.float32(0.025), pixel)
+        # Stones lie by chance: a mean over more of them varies as one over its width.
+        + np.float32(0.12) * gravel * _layer(np.float32(0.06), pixel)
         + np.float32(0.17) * patches * _layer(np.float32(0.16), pixel)
         + np.float32(0.15) * stains * _layer(np.float32(1.3), pixel)
         + np.float32(0.17) * slow
@@ -138,9 +141,9 @@ def cracks(x, y, pixel):  # type: ignore[no-untyped-def]
 @device
 def grass(x, y, pixel):  # type: ignore[no-untyped-def]
     """Colour factors of grass: blades, tufts, and places where it is dry or thin."""
-    fine, tuft, clump, slow, field = five_noises(
+    fine, tuft, clump, slow, field, _ = six_noises(
         x, y, np.float32(0.03), np.float32(0.13), np.float32(0.55), np.float32(3.1),
-        np.float32(19.0), 71,
+        np.float32(19.0), np.float32(1.0), 71,
     )  # fmt: skip
     tuft *= _layer(np.float32(0.13), pixel)
     clump *= _layer(np.float32(0.55), pixel)
@@ -294,9 +297,9 @@ def _plaster(s, t, edges, owner, pixel):  # type: ignore[no-untyped-def]
         pixel: a pixel's side, metres.
     """
     hang, foot = edges
-    grain, mottle, cloud, slow, _ = five_noises(
+    grain, mottle, cloud, slow, _, _ = six_noises(
         s, t, np.float32(0.03), np.float32(0.12), np.float32(0.55), np.float32(2.6),
-        np.float32(8.0), 41,
+        np.float32(8.0), np.float32(1.0), 41,
     )  # fmt: skip
     column = noise(s * np.float32(2.65), t * np.float32(0.29), 4)
     column *= _layer(np.float32(0.38), pixel)
@@ -359,11 +362,14 @@ def pattern(kind, x, y, z, nx, ny, nz, edges, owner, number, pixel):  # type: ig
             s, t, np.float32(0.25), np.float32(0.083), np.float32(0.012), _ONE, pixel, 5
         )
         value = (_ONE + np.float32(0.22) * tint) * (_ONE - seam)
-        fired, soot, cloud, slow, field = five_noises(
+        fired, soot, cloud, slow, field, _ = six_noises(
             s, t, np.float32(0.21), np.float32(0.6), np.float32(1.6), np.float32(4.0),
-            np.float32(11.0), 47,
+            np.float32(11.0), np.float32(1.0), 47,
         )  # fmt: skip
-        weathered = np.float32(0.08) * fired * _layer(np.float32(0.21), pixel)
+        # Where single bricks fade, a mean of two of them is left of their tones.
+        faint = min(pixel * np.float32(1 / 0.0415), _ONE)
+        tones = np.float32(0.08) + np.float32(0.125) * faint
+        weathered = tones * fired * _layer(np.float32(0.21), pixel)
         weathered += np.float32(0.08) * soot * _layer(np.float32(0.6), pixel)
         weathered += np.float32(0.07) * cloud * _layer(np.float32(1.6), pixel)
         weathered += np.float32(0.07) * slow + np.float32(0.05) * field

@@ -11,6 +11,13 @@ from numpy.typing import NDArray
 from carstage_sim.kernels import device
 from carstage_sim.maps.street_lamps import StreetLamps
 from carstage_sim.render.materials import Glow
+from carstage_sim.render.thrown_light import (
+    LAMP_INTENSITY,
+    NEAR_M,
+    NOTHING_THROWN,
+    ThrownLight,
+    thrown_light,
+)
 
 _HEAD, _TAIL, _REVERSE = int(Glow.HEAD_LAMP), int(Glow.TAIL_LAMP), int(Glow.REVERSE_LAMP)
 _LEFT, _RIGHT = int(Glow.BLINKER_LEFT), int(Glow.BLINKER_RIGHT)
@@ -25,10 +32,14 @@ _RED_STATE, _YELLOW_STATE, _GREEN_STATE = 0, 1, 2
 
 CELL_M = 24.0
 """Side of the cells in which street lamps are looked up."""
-_PER_CELL = 4
+_PER_CELL, _OF_LAMP = 4, 6
+"""Lamps in a cell, and numbers of each: its place and the colour of its light."""
+_NOWHERE_M = -1e9
 _DX, _DY, _DZ = 3, 4, 5
 """Columns of a beam's direction; its place comes before."""
-_REACH_M: Any = np.float32(26.0)
+_REACH_M: Any = np.float32(NEAR_M)
+_PER_REACH_M2: Any = np.float32(1 / NEAR_M**2)
+_INTENSITY: Any = np.float32(LAMP_INTENSITY)
 _ZERO: Any = np.float32(0)
 _ONE: Any = np.float32(1)
 # Colours of lamps in linear sRGB: the CIE 1931 chromaticities that UN ECE R148 and EN 12368 allow,
@@ -55,24 +66,37 @@ class Lamps(NamedTuple):
         power: ``(L, 3)`` float32 linear RGB of their light, 1 for a white new lamp, 0 for one that
             is off.
         cells: ``(X, Y, 4)`` int32 lamps near each cell, -1 for none.
+        near: ``(X, Y, 24)`` float32 place and power of each of them.
         corner: ``(2,)`` float32 world x, y of the first cell's corner.
+        thrown: ``(X, Y, 32)`` float32 of :meth:`ThrownLight.grid`.
+        thrown_corner: ``(2,)`` float32 world x, y of its first node.
         beams: ``(B, 6)`` float32 place and direction of each vehicle's headlights.
     """
 
     street: NDArray[np.float32]
     power: NDArray[np.float32]
     cells: NDArray[np.int32]
+    near: NDArray[np.float32]
     corner: NDArray[np.float32]
+    thrown: NDArray[np.float32]
+    thrown_corner: NDArray[np.float32]
     beams: NDArray[np.float32]
 
 
 def lamps_of(street: StreetLamps) -> Lamps:
     """The street lamps of a town, all off, with the cells that they shine into."""
     places, off = street.location.astype(np.float32), np.zeros((len(street), 3), np.float32)
-    if not len(places):
-        nowhere = np.full((1, 1, _PER_CELL), -1, np.int32)
-        return Lamps(places, off, nowhere, np.zeros(2, np.float32), np.empty((0, 6), np.float32))
-    corner = places[:, :2].min(axis=0) - np.float32(CELL_M)
+    corner = np.zeros(2, np.float32)
+    cells = np.full((1, 1, _PER_CELL), -1, np.int32)
+    if len(places):
+        corner = places[:, :2].min(axis=0) - np.float32(CELL_M)
+        cells = _cells(places, corner)
+    no_beams = np.empty((0, 6), np.float32)
+    near = _near(places, off, cells)
+    return Lamps(places, off, cells, near, corner, NOTHING_THROWN, corner, no_beams)
+
+
+def _cells(places: NDArray[np.float32], corner: NDArray[np.float32]) -> NDArray[np.int32]:
     size = np.ceil((places[:, :2].max(axis=0) + CELL_M - corner) / CELL_M).astype(int)
     cells = np.full((*size, _PER_CELL), -1, np.int32)
     for i in range(size[0]):
@@ -82,7 +106,31 @@ def lamps_of(street: StreetLamps) -> Lamps:
             near = np.argsort(away, kind="stable")[:_PER_CELL]
             near = near[away[near] < CELL_M * 0.71 + _REACH_M]
             cells[i, j, : len(near)] = near
-    return Lamps(places, off, cells, corner.astype(np.float32), np.empty((0, 6), np.float32))
+    return cells
+
+
+def _near(
+    places: NDArray[np.float32], power: NDArray[np.float32], cells: NDArray[np.int32]
+) -> NDArray[np.float32]:
+    """``(X, Y, 24)`` place and power of the lamps of each cell; a missing one lies far below."""
+    near = np.zeros((*cells.shape, _OF_LAMP), np.float32)
+    near[..., 2] = _NOWHERE_M
+    there = cells >= 0
+    near[there] = np.concatenate([places, power], axis=1)[cells[there]]
+    return near.reshape(*cells.shape[:2], -1)
+
+
+def lamps_switched(lamps: Lamps, power: NDArray[np.float32], thrown: ThrownLight) -> Lamps:
+    """The same lamps with another light.
+
+    Args:
+        lamps: of a town.
+        power: ``(L, 3)`` linear RGB of each lamp's light.
+        thrown: what is thrown back of it.
+    """
+    grid = thrown.grid(power) if power.any() else NOTHING_THROWN
+    near = _near(lamps.street, power, lamps.cells)
+    return lamps._replace(power=power, near=near, thrown=grid, thrown_corner=thrown.corner)
 
 
 def headlight_beams(
@@ -143,28 +191,32 @@ def glow(kind, bits, time_s):  # type: ignore[no-untyped-def]
 
 @device
 def lamp_light(lamps, night, x, y, z, nx, ny, nz):  # type: ignore[no-untyped-def]
-    """Irradiance (red, green, blue) from street lamps and headlights at a place, unshadowed."""
+    """Irradiance (red, green, blue) from street lamps and headlights at a place, unshadowed.
+
+    What street and houses throw back is in it.
+    """
     red, green, blue, white = _ZERO, _ZERO, _ZERO, _ZERO
-    i = math.floor((x - lamps.corner[0]) / np.float32(CELL_M))
-    j = math.floor((y - lamps.corner[1]) / np.float32(CELL_M))
-    if 0 <= i < lamps.cells.shape[0] and 0 <= j < lamps.cells.shape[1]:
-        for k in range(_PER_CELL):
-            lamp = lamps.cells[i, j, k]
-            if lamp < 0:
-                break
-            ax = lamps.street[lamp, 0] - x
-            ay = lamps.street[lamp, 1] - y
-            az = lamps.street[lamp, 2] - z
-            square = ax * ax + ay * ay + az * az
-            if az <= 0 or square > _REACH_M * _REACH_M:
+    across = (x - lamps.corner[0]) * np.float32(1 / CELL_M)
+    along = (y - lamps.corner[1]) * np.float32(1 / CELL_M)
+    near = lamps.near
+    if 0 <= across < np.float32(near.shape[0]) and 0 <= along < np.float32(near.shape[1]):
+        i, j = int(across), int(along)
+        for number in range(_PER_CELL):
+            k = number * _OF_LAMP
+            az = near[i, j, k + 2] - z
+            if az <= 0:
                 continue
-            away = math.sqrt(square)
-            towards = (ax * nx + ay * ny + az * nz) / away
-            edge = _ONE - square / (_REACH_M * _REACH_M)
-            share = max(towards, _ZERO) * (az / away) * edge * edge / max(square, np.float32(1.0))
-            red += share * lamps.power[lamp, 0]
-            green += share * lamps.power[lamp, 1]
-            blue += share * lamps.power[lamp, 2]
+            ax, ay = near[i, j, k] - x, near[i, j, k + 1] - y
+            square = ax * ax + ay * ay + az * az
+            slant = ax * nx + ay * ny + az * nz
+            if square > _REACH_M * _REACH_M or slant <= 0:
+                continue
+            edge = _ONE - square * _PER_REACH_M2
+            # The cosines at the surface and at the lamp, over the square of the way.
+            share = slant * az * edge * edge / (square * max(square, _ONE))
+            red += share * near[i, j, k + 3]
+            green += share * near[i, j, k + 4]
+            blue += share * near[i, j, k + 5]
     for k in range(lamps.beams.shape[0]):
         ax, ay, az = x - lamps.beams[k, 0], y - lamps.beams[k, 1], z - lamps.beams[k, 2]
         square = ax * ax + ay * ay + az * az
@@ -181,8 +233,9 @@ def lamp_light(lamps, night, x, y, z, nx, ny, nz):  # type: ignore[no-untyped-de
         white += max(towards, _ZERO) * cone * cone * fade / max(square, np.float32(12.0))
     # By day the beams are too weak to be worth their rays.
     white *= np.float32(72.0) * night
+    back = thrown_light(lamps, x, y, z, nx, ny, nz)
     return (
-        red * np.float32(40.0) + white,
-        green * np.float32(40.0) + white * np.float32(0.96),
-        blue * np.float32(40.0) + white * np.float32(0.88),
+        red * _INTENSITY + white + back[0],
+        green * _INTENSITY + white * np.float32(0.96) + back[1],
+        blue * _INTENSITY + white * np.float32(0.88) + back[2],
     )

@@ -1,7 +1,7 @@
-"""Five layers of noise at once, written as LLVM vector code.
+"""Six layers of noise at once, written as LLVM vector code.
 
 The operations are those of :func:`carstage_sim.render.detail.noise`, in the same order; so are the
-results. The graphics card's shaders are translated from the function that calls it five times.
+results. The graphics card's shaders are translated from the function that calls it six times.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numba.extending import intrinsic
 
 from carstage_sim.kernels import Decorator
 
-_LAYERS = 5
+_LAYERS = 6
 _LANES = 8
 _F32, _I32 = ir.FloatType(), ir.IntType(32)
 _REALS, _WHOLES = ir.VectorType(_F32, _LANES), ir.VectorType(_I32, _LANES)
@@ -27,12 +27,12 @@ _packed: Any = cgutils.pack_array
 
 
 def side_by_side(reference: Callable[..., Any]) -> Any:
-    """The vector code for a function ``(x, y, five sizes, seed)`` that gives five noises."""
+    """The vector code for a function ``(x, y, six sizes, seed)`` that gives six noises."""
 
     @_intrinsic
-    def noises(typing_context, x, y, a, b, c, d, e, seed):  # type: ignore[no-untyped-def]
+    def noises(typing_context, x, y, a, b, c, d, e, f, seed):  # type: ignore[no-untyped-def]
         real = types.float32
-        signature = _several(real, _LAYERS)(*[real] * 7, types.int64)
+        signature = _several(real, _LAYERS)(*[real] * (2 + _LAYERS), types.int64)
         return signature, _codegen
 
     noises.py_func = getattr(reference, "py_func", reference)  # type: ignore[attr-defined]

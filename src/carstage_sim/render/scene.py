@@ -7,6 +7,7 @@ import logging
 import zipfile
 from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,13 +19,14 @@ from carstage_sim.maps.street_lamps import street_lamps
 from carstage_sim.mesh import Material, TriangleMesh
 from carstage_sim.render.bvh import WideTree, build_tree, refitted_tree, triangle_blocks
 from carstage_sim.render.cast import Geometry, Scene, empty_geometry
-from carstage_sim.render.lamps import Lamps, headlight_beams, lamps_of
+from carstage_sim.render.lamps import Lamps, headlight_beams, lamps_of, lamps_switched
 from carstage_sim.render.materials import Paint, cells_of_materials, linear_colour
 from carstage_sim.render.object_appearance import (
     HiddenTriangles,
     ObjectAppearance,
     object_appearance,
 )
+from carstage_sim.render.thrown_light import ThrownLight
 from carstage_sim.render.vector_code import LANES
 from carstage_sim.world.town_changes import TownChanges
 
@@ -391,7 +393,12 @@ class SceneStore:
         if len(changes.lamp_power):
             gone = np.isin(self._street_lamps.object_id, list(changes.hidden))
             power = np.where(gone[:, None], np.float32(0), changes.lamp_power)
-        self._lamps = self._lamps._replace(power=power)
+        if not np.array_equal(power, self._lamps.power):
+            self._lamps = lamps_switched(self._lamps, power, self._thrown_light)
+
+    @cached_property
+    def _thrown_light(self) -> ThrownLight:
+        return ThrownLight(self._street_lamps.location)
 
     def prepare(self, keys: Sequence[str]) -> None:
         """Build models now, so that the first frame that shows them need not."""

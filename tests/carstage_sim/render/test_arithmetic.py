@@ -9,7 +9,7 @@ import pytest
 
 from carstage_sim.kernels import kernel
 from carstage_sim.render.arithmetic import elevation, exp_down, exp_of, power_of_slant, turns
-from carstage_sim.render.detail import five_noises, noise
+from carstage_sim.render.detail import noise, six_noises
 
 pytestmark = pytest.mark.xdist_group("kernels")
 
@@ -27,17 +27,18 @@ def each(x, y, out):
 @kernel
 def layers(x, y, together, alone):
     for i in range(x.shape[0]):
-        a, b, c, d, e = five_noises(
+        a, b, c, d, e, f = six_noises(
             x[i], y[i], np.float32(0.025), np.float32(0.16), np.float32(1.3), np.float32(7.0),
-            np.float32(4.3), 1,
+            np.float32(4.3), np.float32(0.06), 1,
         )  # fmt: skip
         together[i, 0], together[i, 1], together[i, 2] = a, b, c
-        together[i, 3], together[i, 4] = d, e
+        together[i, 3], together[i, 4], together[i, 5] = d, e, f
         alone[i, 0] = noise(x[i] / np.float32(0.025), y[i] / np.float32(0.025), 1)
         alone[i, 1] = noise(x[i] / np.float32(0.16), y[i] / np.float32(0.16), 2)
         alone[i, 2] = noise(x[i] / np.float32(1.3), y[i] / np.float32(1.3), 3)
         alone[i, 3] = noise(x[i] / np.float32(7.0), y[i] / np.float32(7.0), 4)
         alone[i, 4] = noise(x[i] / np.float32(4.3), y[i] / np.float32(4.3), 5)
+        alone[i, 5] = noise(x[i] / np.float32(0.06), y[i] / np.float32(0.06), 6)
 
 
 def test_all_are_as_near_as_they_say():
@@ -57,10 +58,10 @@ def test_all_are_as_near_as_they_say():
     assert np.abs(out[:, 4] - np.arcsin(high) * 2 / math.pi).max() < 4e-7
 
 
-def test_five_noises_are_the_same_bits_as_one_after_the_other():
+def test_six_noises_are_the_same_bits_as_one_after_the_other():
     rng = np.random.default_rng(2)
     x, y = (rng.uniform(-900, 900, 4000).astype(np.float32) for _ in range(2))
-    together, alone = (np.empty((len(x), 5), np.float32) for _ in range(2))
+    together, alone = (np.empty((len(x), 6), np.float32) for _ in range(2))
     layers(x, y, together, alone)
     assert together.tobytes() == alone.tobytes()
     assert np.abs(together).max() <= 1.0

@@ -103,6 +103,17 @@ def test_a_wall_across_a_junction_is_not_flat(kind):
     assert (relative < 0.02).mean() < 0.05
 
 
+def test_bricks_that_are_too_small_for_pixels_leave_the_mean_of_their_tones():
+    """Tones deviate by 0.22 / sqrt(3), those of two bricks by 0.09; a fifth of a wall is joints."""
+    pixel = np.float32(0.08)
+    out = np.empty((160, 320, 3), np.float32)
+    _look(BRICK, pixel, False, False, 7, pixel, out)
+    red = out[..., 0] / out[..., 0].mean()
+    # Neighbours 0.24 m apart share no brick; what is slower than that is weather.
+    apart = (red[:, 3:] - red[:, :-3]).std() / np.sqrt(2.0)
+    assert 0.05 < apart < 0.09
+
+
 def test_edges_of_strips_and_plinths_are_known_from_their_size():
     strip, plinth, pier, sill = (
         4 * wide + 512 * high for wide, high in ((80, 15), (80, 6), (12, 18), (13, 10))

@@ -18,7 +18,11 @@ from carstage_sim.render.gpu.values import Array, Record, Scalar, Value
 ARENAS = ("town", "models", "sky", "moment")
 """Buffers: the town's surfaces, those of the models, the sky, and what changes in each tick."""
 
-_PLACE: dict[tuple[str, str], str] = {("light", "sky"): "sky"}
+_PLACE: dict[tuple[str, str], str] = {
+    ("light", "sky"): "sky",
+    ("lamps", "thrown"): "sky",
+    ("lamps", "near"): "sky",
+}
 _PLACE_OF_RECORD = {
     "static": "town",
     "actors": "models",

@@ -68,7 +68,7 @@ def main() -> None:
     atexit.register(gc.freeze)
     try:
         with loading():
-            from carstage.cli.app import app
-        app()
+            from carstage.cli.app import narrowed
+        narrowed(arguments)()
     except KeyboardInterrupt:
         raise SystemExit(INTERRUPTED) from None

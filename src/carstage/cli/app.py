@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.main import get_command_name
+from typer.models import CommandInfo
 
 from carstage.cli import comparison  # noqa: F401 - adds its commands to bench_app
 from carstage.cli.bench import bench_app
@@ -61,6 +64,30 @@ app.add_typer(runs_app, name="runs")
 app.add_typer(dataset_app, name="dataset")
 
 DEMO_FOLDER = Path("datasets/demo")
+
+
+def narrowed(arguments: list[str]) -> typer.Typer:
+    """The command line with one command alone, where its name is the first argument.
+
+    Typer makes the parsers of all commands whenever one is called: 22 ms of CPU against 1 ms.
+
+    Args:
+        arguments: of the process, without its name.
+    """
+    commands = [one for one in app.registered_commands if [_name_of(one)] == arguments[:1]]
+    groups = [one for one in app.registered_groups if [one.name] == arguments[:1]]
+    if not commands and not groups:
+        return app
+    alone = copy.copy(app)
+    alone.registered_commands, alone.registered_groups = commands, groups
+    return alone
+
+
+def _name_of(command_info: CommandInfo) -> str | None:
+    """What a command is called on the command line."""
+    function = command_info.callback
+    return command_info.name or (get_command_name(function.__name__) if function else None)
+
 
 Out = Annotated[
     Path,

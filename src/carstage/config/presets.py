@@ -16,16 +16,12 @@ from math import atan, degrees
 from typing import Any, Literal
 
 import yaml
-from pydantic import ConfigDict, TypeAdapter
 
-from carstage.config.sensors import AnySensor, Sensor
+from carstage.config.sensors import SENSOR_KINDS, Sensor
 
 RigPreset = Literal["demo", "kitti", "nuscenes", "waymo", "paper", "drone", "junction"]
 
 _HALF_WHEELBASE_M = 1.4
-_SENSORS: TypeAdapter[tuple[Sensor, ...]] = TypeAdapter(
-    tuple[AnySensor, ...], config=ConfigDict(defer_build=True)
-)
 
 
 @dataclass(frozen=True)
@@ -49,7 +45,7 @@ class PresetRig:
 
 @cache
 def _checked(make: Callable[[], list[dict[str, Any]]]) -> tuple[Sensor, ...]:
-    return _SENSORS.validate_python(make(), strict=False)
+    return tuple(SENSOR_KINDS[one["kind"]].model_validate(one, strict=False) for one in make())
 
 
 def _demo() -> list[dict[str, Any]]:

@@ -20,12 +20,14 @@ if TYPE_CHECKING:
         conversion_pool,
         load_libraries,
     )
+    from carstage.conversion.thread_first import ThreadFirst
 
 __all__ = [
     "BrokenPoolError",
     "ConversionPool",
     "EpisodeConversion",
     "FleetConversion",
+    "ThreadFirst",
     "conversion_pool",
     "load_libraries",
 ]
@@ -36,5 +38,6 @@ __getattr__ = lazy_names(
         "episode": "EpisodeConversion",
         "fleet": "FleetConversion",
         "pool": "BrokenPoolError ConversionPool conversion_pool load_libraries",
+        "thread_first": "ThreadFirst",
     },
 )

@@ -21,7 +21,7 @@ class DisparityMaker:
     """
 
     def __init__(self, spec: EpisodeSpec) -> None:
-        self._pairs = planned_pairs(spec.sensors) if spec.labels.disparity else ()
+        self._pairs = planned_pairs(spec.sensors)
         self._packer = PngPacker()
 
     def files(self, k: int, images: Mapping[str, CameraImages]) -> list[tuple[str, bytes]]:

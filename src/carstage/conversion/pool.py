@@ -69,30 +69,37 @@ def conversion_pool(workers: int | None = None, *, preload: Preload = (bool, ())
 
 
 def load_libraries(pictures: bool) -> None:
-    """Import what work on a segment needs, and encode a picture: up to two seconds of a process.
-
-    Args:
-        pictures: also what only pictures need, which is more than half of it.
-    """
+    """In a process that is only for converting: :func:`import_libraries`, in less time."""
     # What is made by an import stays; looking through it for garbage again and again is a third
     # of the time.
     gc.disable()
     try:
-        # Not before this is called: the supervisor needs none of it.
-        for name in ("whole_episode", "work"):
-            importlib.import_module(f"carstage.conversion.{name}")
-        for name in ("carstage.codecs.points", "carstage.files.streaming"):
-            importlib.import_module(name)
-        keep_pandas_lazy()
-        from carstage.codecs.images import RgbRunsPng
-
-        if pictures:
-            importlib.import_module("carstage.annotation.pixel_kernel")
-            # The first call of compiled code takes as long as the imports.
-            RgbRunsPng().encode({"width": 1, "height": 1}, memoryview(bytes(4)))
+        import_libraries(pictures)
     finally:
         gc.freeze()
         gc.enable()
+
+
+def import_libraries(pictures: bool) -> None:
+    """Import what work on a segment needs; with pictures, encode one: up to two seconds.
+
+    Args:
+        pictures: also what only pictures need, which is more than half of it.
+    """
+    # Not before this is called: the supervisor needs none of it.
+    for name in ("whole_episode", "work"):
+        importlib.import_module(f"carstage.conversion.{name}")
+    for name in ("carstage.codecs.points", "carstage.files.streaming"):
+        importlib.import_module(name)
+    keep_pandas_lazy()
+    if pictures:
+        for name in ("birds_eye", "disparity", "flash_lidar", "lane_lines", "patches"):
+            importlib.import_module(f"carstage.conversion.{name}")
+        from carstage.codecs.images import RgbRunsPng
+
+        importlib.import_module("carstage.annotation.pixel_kernel")
+        # The first call of compiled code takes as long as the imports.
+        RgbRunsPng().encode({"width": 1, "height": 1}, memoryview(bytes(4)))
 
 
 class ConversionPool(Executor):

@@ -1,4 +1,8 @@
-"""The work on one segment, as functions that run in the pool's processes."""
+"""The work on one segment, as functions that run where the pool works.
+
+What few recordings need is imported where they need it: processes that convert pictures load it
+before they are forked, see ``import_libraries``.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +10,7 @@ import zipfile
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
@@ -18,12 +22,7 @@ from carstage.annotation.point_sensors import radar_detections, radar_points
 from carstage.annotation.schema import LANE_LINES, PATCHES, Column, frame_tables
 from carstage.codecs import codec_for
 from carstage.codecs.codec import image_bgra
-from carstage.conversion.disparity import DisparityMaker
 from carstage.conversion.encoded import EncodedSegment, parts_folder
-from carstage.conversion.flash_lidar import flash_payload
-from carstage.conversion.lane_lines import LaneLineMaker
-from carstage.conversion.occupancy import occupancy_files, part_path
-from carstage.conversion.patches import PatchMaker
 from carstage.conversion.reprojection import Picture, record_picture
 from carstage.conversion.sensors import RecordedSensor
 from carstage.conversion.surroundings import Surroundings
@@ -33,11 +32,16 @@ from carstage.errors import ConversionError
 from carstage.files.whole import whole_file
 from carstage.rawlog.clock import elapsed_s
 from carstage.rawlog.format import KIND_DATA, LEDGER
-from carstage.rawlog.reader import EpisodeLog, Record
+from carstage.rawlog.reader import ActorInfo, EpisodeLog, Record
 from carstage.sensor_kinds.columns import Point
 from carstage.sensor_kinds.model import DETECTIONS, POINTS
 from carstage.spec import EpisodeSpec, SensorSpec
 from carstage.storage.attempt_files import AttemptFiles
+
+if TYPE_CHECKING:
+    from carstage.conversion.disparity import DisparityMaker
+    from carstage.conversion.lane_lines import LaneLineMaker
+    from carstage.conversion.patches import PatchMaker
 
 
 def saved_ticks(log: EpisodeLog, segment: int) -> dict[int, int]:
@@ -121,9 +125,9 @@ def label_segment(
         actors,
         level_objects=log.level_objects(up_to_segment=segment),
     )
-    around, stereo = Surroundings(log), DisparityMaker(log.spec)
-    lines = LaneLineMaker(log) if log.spec.labels.lane_lines else None
-    patches = PatchMaker(log, actors) if log.spec.patches else None
+    around, stereo = Surroundings(log), _stereo(log.spec)
+    lines = _lane_lines(log)
+    patches = _patches(log, actors)
     tables = frame_tables(lane_lines=lines is not None, patches=patches is not None)
     streams = {camera: labeller.inputs(camera) for camera in labeller.labelled_cameras}
     by_id = {sensor.id: sensor for sensor in log.spec.sensors}
@@ -165,15 +169,43 @@ def label_segment(
             rows[PATCHES] += patches.rows(ticks[world.tick], world, labels, images)
         sweeps = {name: by_tick[name].get(world.tick) for name in around.swept}
         files += around.files(world, ticks[world.tick], labels, images, clouds, sweeps)
-        files += stereo.files(ticks[world.tick], images)
+        if stereo is not None:
+            files += stereo.files(ticks[world.tick], images)
     folder = parts_folder(raw_folder, agent)
     folder.mkdir(exist_ok=True)
-    around.end(part_path(folder, segment))
+    around.end(folder, segment)
     for name, columns in tables.items():
         _write_part(rows_to_table(rows[name], columns, name), _part(folder, name, segment))
     with attempt_files.stream() as written:
         entries = tuple(written.write(name, content) for name, content in files)
     return EncodedSegment(files=entries)
+
+
+def _stereo(spec: EpisodeSpec) -> DisparityMaker | None:
+    """What makes the disparity of stereo pairs, where that is asked for."""
+    if not spec.labels.disparity:
+        return None
+    from carstage.conversion.disparity import DisparityMaker
+
+    return DisparityMaker(spec)
+
+
+def _lane_lines(log: EpisodeLog) -> LaneLineMaker | None:
+    """What makes the rows of lane lines, where those are asked for."""
+    if not log.spec.labels.lane_lines:
+        return None
+    from carstage.conversion.lane_lines import LaneLineMaker
+
+    return LaneLineMaker(log)
+
+
+def _patches(log: EpisodeLog, actors: Mapping[int, ActorInfo]) -> PatchMaker | None:
+    """What makes the rows of patches, where there are any."""
+    if not log.spec.patches:
+        return None
+    from carstage.conversion.patches import PatchMaker
+
+    return PatchMaker(log, actors)
 
 
 def place_voxels(
@@ -188,6 +220,8 @@ def place_voxels(
     Raises:
         ConversionError: what a segment left is gone or damaged.
     """
+    from carstage.conversion.occupancy import occupancy_files
+
     asked = EpisodeLog(raw_folder, agent).spec.labels.occupancy
     folder = parts_folder(raw_folder, agent)
     assert asked is not None
@@ -323,6 +357,8 @@ def _frame(
 ) -> Picture | None:
     """Meta and payload of a sensor's frame, whatever it is made from; None: the tick lacks it."""
     if sensor.flash is not None:
+        from carstage.conversion.flash_lidar import flash_payload
+
         return flash_payload(sensor, records, spec.seeds.sensor_noise)
     return record_picture(sensor, records)
 

@@ -1,10 +1,13 @@
-"""What labels say of the surroundings: bird's-eye grids, and the parts that voxels come of."""
+"""What labels say of the surroundings: bird's-eye grids, and the parts that voxels come of.
+
+What makes them is imported where they are asked for.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,16 +16,18 @@ from carstage.annotation import CameraImages
 from carstage.annotation.decoding import decode_instance_bgra
 from carstage.annotation.labeller import FrameLabels
 from carstage.annotation.rig import LabelledCamera
-from carstage.birds_eye import CameraView, Cloud
 from carstage.codecs import codec_for
 from carstage.codecs.semantic_points import points_xyz
-from carstage.conversion.birds_eye import BirdsEyeMaker
-from carstage.conversion.occupancy import ExactMaker, PartMaker
 from carstage.conversion.tag_numbers import dataset_payload, dataset_tag_image
 from carstage.geometry import FloatArray, pose_matrix
-from carstage.occupancy import Picture, Sweep
 from carstage.rawlog.reader import EpisodeLog, Record, WorldFrame
 from carstage.sensor_kinds.model import CLOUDS, TAGGED_POINTS
+from carstage.spec import BirdsEyeSpec, OccupancySpec
+
+if TYPE_CHECKING:
+    from carstage.conversion.birds_eye import BirdsEyeMaker
+    from carstage.conversion.occupancy import ExactMaker, PartMaker
+    from carstage.occupancy import Picture, Sweep
 
 
 class Surroundings:
@@ -34,10 +39,8 @@ class Surroundings:
 
     def __init__(self, log: EpisodeLog) -> None:
         asked = log.spec.labels
-        self._grids = None if asked.birds_eye is None else BirdsEyeMaker(log, asked.birds_eye)
-        voxels = asked.occupancy
-        self._voxels = PartMaker(log, voxels) if voxels and not voxels.exact else None
-        self._exact = ExactMaker(log, voxels) if voxels and voxels.exact else None
+        self._grids = _grids(log, asked.birds_eye)
+        self._voxels, self._exact = _voxels(log, asked.occupancy)
         self._server = str(log.header["server_version"])
         cameras = (LabelledCamera.from_spec(s, {}) for s in log.spec.sensors if s.labelled)
         self._cameras = {camera.mount.sensor_id: camera for camera in cameras if camera.pinhole}
@@ -90,14 +93,19 @@ class Surroundings:
             files.append(self._exact.file(world, k, labels, poses, seen, record))
         return files
 
-    def end(self, path: Path) -> None:
+    def end(self, folder: Path, segment: int) -> None:
         """Write what voxels come of to a part file, where they are asked for."""
         if self._voxels is not None:
-            self._voxels.write(path)
+            from carstage.conversion.occupancy import part_path
+
+            self._voxels.write(part_path(folder, segment))
 
     def _pictures(
         self, poses: Mapping[str, FloatArray], images: Mapping[str, CameraImages]
     ) -> Iterator[Picture]:
+        from carstage.birds_eye import CameraView
+        from carstage.occupancy import Picture
+
         for name, camera in self._cameras.items():
             if name in images:
                 image = images[name]
@@ -116,6 +124,9 @@ class Surroundings:
         clouds: Mapping[str, NDArray[np.float32]],
         sweeps: Mapping[str, Record | None],
     ) -> Iterator[Sweep]:
+        from carstage.birds_eye import Cloud
+        from carstage.occupancy import Sweep
+
         for name in self._lidars:
             points: NDArray[Any] | None = clouds.get(name)
             record = sweeps[name] if name in self._tagged else None
@@ -125,6 +136,25 @@ class Surroundings:
                 points = codec_for(kind)[1].raw_array(record.meta, payload)
             if points is not None:
                 yield Sweep(Cloud(poses[name], points_xyz(points)), point_tags(points))
+
+
+def _grids(log: EpisodeLog, asked: BirdsEyeSpec | None) -> BirdsEyeMaker | None:
+    if asked is None:
+        return None
+    from carstage.conversion.birds_eye import BirdsEyeMaker
+
+    return BirdsEyeMaker(log, asked)
+
+
+def _voxels(
+    log: EpisodeLog, asked: OccupancySpec | None
+) -> tuple[PartMaker | None, ExactMaker | None]:
+    """What makes voxels of what is seen, or exact ones."""
+    if asked is None:
+        return None, None
+    from carstage.conversion.occupancy import ExactMaker, PartMaker
+
+    return (None, ExactMaker(log, asked)) if asked.exact else (PartMaker(log, asked), None)
 
 
 def point_tags(points: NDArray[Any]) -> NDArray[np.uint8] | None:

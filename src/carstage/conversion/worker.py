@@ -36,7 +36,8 @@ ENVIRONMENT: Final = {
     "JE_ARROW_MALLOC_CONF": "background_thread:false",
 }
 """No library starts a thread: of a process with several, a fork may inherit a lock that is held."""
-_NICENESS = 5
+NICENESS: Final = 5
+"""Of what converts, beside the simulator."""
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
 _LARGEST_KEPT_BYTES = 32 << 20
 """As much as the allocator allows."""
@@ -62,7 +63,7 @@ def fork_workers(descriptor: int) -> NoReturn:
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     keep_memory()
-    os.nice(_NICENESS)
+    os.nice(NICENESS)
     with socket.socket(fileno=descriptor) as control:
         (size,) = LENGTH.unpack(_received(control, LENGTH.size))
         function, arguments = pickle.loads(_received(control, size))

@@ -16,7 +16,7 @@ from carstage.errors import (
     RequestGivenUpError,
 )
 from carstage.runs.attempt_commit import AttemptCommit, Job
-from carstage.runs.converters import Converters
+from carstage.runs.converters import Converters, is_light
 from carstage.runs.events import (
     AttemptReserved,
     EpisodeCommitted,
@@ -76,6 +76,8 @@ class CommitQueue:
         self.converters = Converters(
             config.conversion.workers,
             pictures=any(one.row.is_camera for _, one in config.sensors_of_all_variants()),
+            # What cannot be recorded again is not lost to an error of the system in this process.
+            light=is_light(config) and not irreplaceable,
         )
         self._later: deque[AttemptCommit] = deque()
         self.under_way: list[AttemptCommit] = []

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+from functools import partial
 from typing import Literal
 
-from carstage.conversion import ConversionPool, conversion_pool, load_libraries
+from carstage.config import Config
+from carstage.conversion import ConversionPool, ThreadFirst, conversion_pool, load_libraries
 
 _MOST_AUTO = 8
 """This many encode 300 pictures/s."""
@@ -18,19 +20,25 @@ class Converters:
         workers: number of processes; ``auto``: one for each usable core, at most eight. Theirs is
             a lower priority, so that they take what the simulator leaves.
         pictures: whether there will be any.
+        light: whether frames are written about as they were recorded. A thread of this process
+            does that, and processes are started only where it lags behind.
     """
 
-    def __init__(self, workers: int | Literal["auto"], *, pictures: bool) -> None:
+    def __init__(
+        self, workers: int | Literal["auto"], *, pictures: bool, light: bool = False
+    ) -> None:
         cores = len(os.sched_getaffinity(0))
         self._workers = min(cores, _MOST_AUTO) if workers == "auto" else workers
         self._pictures = pictures
-        self._pool: ConversionPool | None = None
-        self._retired: list[ConversionPool] = []
+        self._light = light
+        self._pool: ConversionPool | ThreadFirst | None = None
+        self._retired: list[ConversionPool | ThreadFirst] = []
 
-    def pool(self) -> ConversionPool:
+    def pool(self) -> ConversionPool | ThreadFirst:
         """The pool that takes work now; its libraries begin to load with the first call."""
         if self._pool is None:
-            self._pool = start_pool(self._workers, self._pictures)
+            start = partial(start_pool, self._workers, self._pictures)
+            self._pool = ThreadFirst(start) if self._light else start()
         return self._pool
 
     def retire(self) -> None:
@@ -56,6 +64,13 @@ class Converters:
         self.retire()
         for pool in self._retired:
             pool.shutdown(wait=True, cancel_futures=True)
+
+
+def is_light(config: Config) -> bool:
+    """Whether all frames are written about as they were recorded, and labels need no pictures."""
+    sensors = [sensor.row for _, sensor in config.sensors_of_all_variants()]
+    made = any(row.is_camera or row.recorded for row in sensors)
+    return not (made or config.labels.occupancy or config.labels.birds_eye)
 
 
 def start_pool(workers: int, pictures: bool) -> ConversionPool:

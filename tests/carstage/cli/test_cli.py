@@ -18,7 +18,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from carstage.cli import unsupported
-from carstage.cli.app import app
+from carstage.cli.app import app, narrowed
 from carstage.cli.doctor import server_setting
 from carstage.cli.loading import loading
 from carstage.config import Config, check_config, dump_config, load_demo, parse_config
@@ -52,6 +52,22 @@ def invoke(*arguments: object) -> Result:
 
 def test_version_is_printed() -> None:
     assert invoke("--version").stdout.startswith("carstage 0.")
+
+
+def test_a_command_is_made_alone_and_stays_what_it_is() -> None:
+    for arguments in (["run"], ["config", "check"], ["runs"], ["catalog", "show"]):
+        alone = narrowed(arguments)
+        assert len(alone.registered_commands) + len(alone.registered_groups) == 1
+        asked = [*arguments, "--help"]
+        assert CliRunner().invoke(alone, asked).stdout == CliRunner().invoke(app, asked).stdout
+
+
+@pytest.mark.parametrize(
+    "arguments", [[], ["--help"], ["--help", "run"], ["rum"], ["config-check"]]
+)
+def test_without_a_command_all_of_them_are_made(arguments: list[str]) -> None:
+    assert narrowed(arguments) is app
+    assert app.registered_groups
 
 
 def test_help_loads_nothing_heavy() -> None:

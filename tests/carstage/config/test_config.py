@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from collections.abc import Callable
 from math import isclose
 from typing import Any
@@ -512,6 +514,26 @@ def test_kinds_have_distinct_blueprints_but_those_made_of_another_ones_data() ->
         "sweeping_lidar",
     }  # fmt: skip
     assert len(SENSOR_KINDS) == len(own) + 5
+
+
+def test_models_of_kinds_that_nobody_asks_for_are_not_made() -> None:
+    program = (
+        "from carstage.config.loading import parse_config\n"
+        "from carstage.config.sensors import CameraSensor, Sensor\n"
+        "parse_config('rig: {sensors: [{id: L, kind: lidar}]}')\n"
+        "made = [*Sensor.__subclasses__(), *CameraSensor.__subclasses__()]\n"
+        "print(*(one.__name__ for one in made if 'kind' in one.__annotations__))"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert ended.stdout.split() == ["LidarSensor"]
+
+
+def test_schema_holds_the_models_of_all_kinds() -> None:
+    sensors = config_schema()["$defs"]["Rig"]["properties"]["sensors"]["items"]
+    assert set(sensors["discriminator"]["mapping"]) == set(SENSOR_KINDS)
+    assert len(sensors["oneOf"]) == len(SENSOR_KINDS)
 
 
 def test_sensor_that_the_chosen_version_lacks_is_refused_at_its_place() -> None:

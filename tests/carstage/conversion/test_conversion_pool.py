@@ -197,6 +197,20 @@ def test_who_hands_out_the_work_does_not_load_what_it_needs() -> None:
     assert ended.stdout.split() == []
 
 
+def test_what_only_some_labels_need_is_loaded_for_pictures_alone() -> None:
+    some = ["birds_eye", "lane_lines", "occupancy", "conversion.disparity", "conversion.patches"]
+    wanted = f"{{*{[f'carstage.{name}' for name in some]}, 'PIL'}}"
+    for pictures in (True, False):
+        program = (
+            "import sys; from carstage.conversion import load_libraries; "
+            f"load_libraries({pictures}); print(*{wanted} & {{*sys.modules}})"
+        )
+        ended = subprocess.run(
+            [sys.executable, "-c", program], capture_output=True, text=True, check=True
+        )
+        assert len(ended.stdout.split()) == (len(some) + 1) * pictures
+
+
 def test_workers_load_no_configuration() -> None:
     others = "{'pydantic', 'yaml', 'duckdb', 'carstage.config', 'carstage.dataset.reading'}"
     program = f"import sys, carstage.conversion.segment; print(*{others} & {{*sys.modules}})"

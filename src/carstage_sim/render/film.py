@@ -15,7 +15,7 @@ from carstage_sim.render.crew import do
 from carstage_sim.render.sky import Lighting
 
 _STEPS: Any = np.float32(8191.0)
-CLEAR_NOON_EXPOSURE = 0.414
+CLEAR_NOON_EXPOSURE = 0.396
 """Automatic exposure of ``carla.WeatherParameters.ClearNoon``."""
 _NOON_EV, _NIGHT_EV = 12.0, 10.0
 """What the bounds of automatic exposure stand for: a clear noon, and the darkest that there is."""

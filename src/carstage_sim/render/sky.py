@@ -33,12 +33,6 @@ _USUAL_RAYLEIGH, _USUAL_MIE = 0.0331, 0.03
 _OZONE_PER_M = np.array([0.8e-6, 2.3e-6, 0.1e-6])
 """Ozone as if mixed into the air: takes the green out of long paths."""
 _MIE_PER_M = 12e-6
-_CLEAR_HAZE_PER_M = np.array([5.7e-5, 6.6e-5, 8.1e-5])
-"""What the haze of a clear day takes from sunlight besides, by Angstrom's exponent 1.3.
-
-0.08 of green light from straight above: so sunlight falls with the sun as in the clear sky of the
-IES, by exp(-0.21) for each mass of air. The sky's gain has what of it is scattered.
-"""
 _RAYLEIGH_SCALE_M, _MIE_SCALE_M = 8_000.0, 1_200.0
 _MIE_ASYMMETRY = 0.76
 _SKY_GAIN = 1.35
@@ -141,12 +135,10 @@ class Air(NamedTuple):
     Attributes:
         haze: particles that scatter all colours forwards.
         blue: molecules that scatter blue everywhere.
-        clear: haze of a clear day, which weakens the sun.
     """
 
     haze: float
     blue: float
-    clear: float
 
 
 def _sunlight(altitude_rad: float, air: Air) -> Array:
@@ -154,7 +146,6 @@ def _sunlight(altitude_rad: float, air: Air) -> Array:
     cosine = np.array([np.sin(altitude_rad)])
     rayleigh, mie = _sun_depth(np.array([2.0]), cosine)
     depth = (air.blue * _RAYLEIGH_PER_M + _OZONE_PER_M) * rayleigh + _MIE_PER_M * air.haze * mie
-    depth = depth + _CLEAR_HAZE_PER_M * air.clear * mie
     light: Array = _SUN_IRRADIANCE * np.exp(-depth)
     return light
 
@@ -280,7 +271,6 @@ def _lighting(weather: Weather, noise: Array) -> Lighting:
     air = Air(
         haze=(0.7 + 4.0 * fogginess + 1.5 * cloud) * _particles(weather),
         blue=min(max(weather.rayleigh_scattering_scale, 0.0) / _USUAL_RAYLEIGH, 10.0),
-        clear=_particles(weather),
     )
     sun_direction = np.array(
         [

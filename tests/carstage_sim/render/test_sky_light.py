@@ -26,16 +26,6 @@ def test_a_low_sun_is_weaker_and_redder(light):
     assert low.sun[0] / low.sun[2] > 2 * high.sun[0] / high.sun[2]
 
 
-@pytest.mark.parametrize("altitude", [60.0, 30.0, 20.0, 15.0, 10.0])
-def test_clear_sunlight_is_as_strong_as_that_of_the_ies(light, altitude):
-    """IES recommended practice of daylight: 127.5 klx above the air, exp(-0.21) a mass of air."""
-    # Relative air mass, Kasten and Young 1989.
-    mass = 1.0 / (np.sin(np.radians(altitude)) + 0.50572 * (altitude + 6.07995) ** -1.6364)
-    sun = light(sun_altitude_angle=altitude, cloudiness=0.0).sun
-    luminance = float(sun @ np.array([0.2126, 0.7152, 0.0722]))
-    assert luminance / 20.0 == pytest.approx(np.exp(-0.21 * mass), rel=0.06)
-
-
 def test_clouds_take_the_sun_and_leave_the_sky(light):
     clear, overcast = light(cloudiness=0.0), light(cloudiness=100.0)
     assert overcast.sun.max() < 0.1 * clear.sun.max()

@@ -18,6 +18,8 @@ NOTHING: Final = 255
 FAR_CODE: Final = 2**24 - 1
 FAR_FROM: Final = 0.9999
 """Share of the largest depth from which on nothing was hit."""
+_MOST_SLOPE: Final = 0.5
+"""Share of one over its depth by which that may grow to the next pixel: more is an edge."""
 _MOST_TURN: Final = 2.0
 """Times the slope behind a neighbour that a slope may be: more is an edge between surfaces."""
 
@@ -81,7 +83,8 @@ def sample_depths(
     One over the depth of a plane is linear in a pinhole's picture. So from the nearest pixel it is
     followed along the smaller of the slopes to its two neighbours, and not at all where they
     disagree in sign: at an edge that is the object's own slope. Nor where that slope does not go on
-    behind the neighbour: what is one pixel wide has edges on both sides. ``factor`` ``(H, W)``
+    behind the neighbour, or is steeper than surfaces are: what is one pixel wide has edges on both
+    sides. ``factor`` ``(H, W)``
     makes a source's z-depth the depth of the result.
     """
     rows, columns = sources.shape[1], sources.shape[2]
@@ -135,6 +138,8 @@ def _slope(
         return 0.0
     step = -1 if abs(before) < abs(after) else 1
     slope: float = before if step < 0 else after
+    if abs(slope) > _MOST_SLOPE * middle:
+        return 0.0
     y, x = row + 2 * step * down, column + 2 * step * right
     if 0 <= y <= last_row and 0 <= x <= last_column:
         beside = _inverse(sources, which, row + step * down, column + step * right)

@@ -201,11 +201,15 @@ def test_depths_of_planes_are_exact_and_edges_are_never_mixed(name: str) -> None
 
 @pytest.mark.parametrize("wide", [1, 2, 5])
 @pytest.mark.parametrize("down", [False, True])
-def test_what_is_a_few_pixels_wide_has_its_own_depth(wide: int, down: bool) -> None:
+@pytest.mark.parametrize("beyond_m", [40.0, 400.0])
+def test_what_is_a_few_pixels_wide_has_its_own_depth(
+    wide: int, down: bool, beyond_m: float
+) -> None:
     """Between something near and something far, as a car seen between a rider and a bus."""
-    depth_m = np.full((9, 12), 40.0)
+    depth_m = np.full((9, 12), beyond_m)
     depth_m[:, :4] = 4.0
     depth_m[:, 4 : 4 + wide] = 17.0
+    depth_m[:, 4 + wide] = 40.0
     code = np.rint(depth_m / DEPTH_STEP_M).astype("<u4")
     source = code.view(np.uint8).reshape(9, 12, 4)[..., [2, 1, 0, 3]]
     at = np.stack(np.meshgrid(np.arange(12) + 0.9, np.arange(9) + 0.9), axis=2)

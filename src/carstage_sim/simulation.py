@@ -456,11 +456,11 @@ class Simulation:
         return drawn
 
     def hold_late_drawing(self, *, held: bool) -> None:
-        """Whether no more late data are begun to be drawn for now; see :meth:`draw`."""
+        """Whether no more late data are begun to be drawn for now; see :meth:`capture`."""
         self._drawing.hold(held=held)
 
     def finish_drawing(self) -> None:
-        """Wait until what :meth:`draw` began is published; data that are late are left out."""
+        """Wait until what :meth:`capture` began is published; data that are late are left out."""
         self._drawing.finish_without_what_is_put_off()
         self._measuring.finish()
 

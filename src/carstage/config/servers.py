@@ -65,7 +65,7 @@ class EmbeddedServerConfig(Section):
     threads: Literal["auto"] | Annotated[int, Field(ge=1, le=1024)] = setting(
         "auto",
         title="Threads",
-        description="Threads that draw; `auto`: all cores.",
+        description="Threads that draw; `auto`: all cores, of eight and more all but one.",
         group="server",
     )
     maps: Names = setting(

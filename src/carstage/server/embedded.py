@@ -41,7 +41,7 @@ class EmbeddedServer(OwnedServer):
     Args:
         map_name: the map that it begins with; None leaves the choice to it.
         port: RPC port, the streaming port follows; None lets the system choose both.
-        threads: threads that it computes with; None uses all cores.
+        threads: threads that it computes with; None: one for each core, of eight and more one less.
         host: the address to listen on.
         log_path: file that its output is appended to; None uses a temporary one.
         timeout_s: how long it may take until it is ready.

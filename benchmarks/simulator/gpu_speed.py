@@ -13,9 +13,10 @@ from benchmarks.simulator.gpu_wire import wire_figures
 from benchmarks.simulator.render.scene import ReferenceScene, populate, town_of
 from carstage.bench.verdict import Figure, Verdict
 from carstage_sim.geometry import rotation_matrix
-from carstage_sim.render.gpu.camera import GpuCameras, Product, Shot
+from carstage_sim.render.gpu.camera import Asked, GpuCameras, Shot
 from carstage_sim.render.gpu.caster import GpuCaster
 from carstage_sim.render.gpu.device import Gpu, open_gpu
+from carstage_sim.render.gpu.passes import Product
 from carstage_sim.render.motion import no_motion
 from carstage_sim.render.scene import Frame
 from carstage_sim.render.sky import SkyModel
@@ -77,10 +78,8 @@ def _measure(gpu: Gpu, scene: ReferenceScene, frame: Frame) -> tuple[Figure, ...
 
     def pictures(products: Collection[Product], count: int = 1) -> Callable[[], object]:
         def take() -> object:
-            under_way = [
-                cameras.take(frame, shot, products, light, motions=still) for shot in shots[:count]
-            ]
-            return [pending.pictures() for pending in under_way]
+            asked = [Asked(shot, products, motions=still) for shot in shots[:count]]
+            return [pending.pictures() for pending in cameras.take(frame, light, asked)]
 
         return take
 

@@ -1,4 +1,4 @@
-"""Colours of packets of rays: :func:`carstage_sim.render.shading.shade_rays` for rays side by side.
+"""Colours of packets of rays: :mod:`carstage_sim.render.shading` for rays side by side.
 
 Rays to the sun are traced together, and what has no branches runs eight rays at a time: loops over
 rows of numbers, one place for each ray. All operations are those of single rays, in their order.
@@ -365,13 +365,16 @@ def _expose_packet(light, rays, memory, order, begin, count, out):  # type: igno
 
 @device
 def shade_packets(frame, rays, memory, epic, order, starts, first, last, out):  # type: ignore[no-untyped-def]
-    """As :func:`carstage_sim.render.shading.shade_rays`, of rays that run side by side.
+    """Colours of hits of rays that run side by side: linear display light, 0-1.
 
     Args:
-        frame, rays, epic, out: as there.
+        frame: a :class:`carstage_sim.render.shading.ShadedFrame`.
+        rays: a :class:`carstage_sim.render.shading.RayHits`.
         memory: a :class:`ShadeScratch` of this thread.
+        epic: whether the picture is worth more rays.
         order, starts: packets, see :func:`carstage_sim.render.packets.cast_packets`.
         first, last: half-open range of packets.
+        out: ``(N, 3)`` float32, to be filled.
     """
     light, seen = frame.light, memory.seen
     lamps_on = any_lamp_on(frame)

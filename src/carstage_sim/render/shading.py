@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.kernels import device, inlined, kernel
+from carstage_sim.kernels import device, inlined
 from carstage_sim.mesh import Material
 from carstage_sim.render.arithmetic import exp_down, power_of_slant
 from carstage_sim.render.cast import NOTHING, Scene, trace
@@ -241,17 +241,22 @@ def _seen_through(frame, scratch, skip, o, d, owner, lamps_on):  # type: ignore[
     dx, dy, dz = d
     hit = trace(frame.scene, scratch, o, d, _MIRROR_NEAR_M, _CABIN_M, skip, False)
     distance, hit_actor, number, u, v = hit[0], hit[1], hit[2], hit[3], hit[4]
-    if hit_actor == NOTHING or hit_actor != owner[0]:
-        return mirrored(frame, scratch, skip, o, d, lamps_on)
     surfaces = frame.static if hit_actor < 0 else frame.actors
-    if hit_actor < 0 and int(surfaces.object_id[number]) != owner[1]:
-        return mirrored(frame, scratch, skip, o, d, lamps_on)
-    m = surfaces.material[number]
+    inside = hit_actor != NOTHING and hit_actor == owner[0]
+    if inside and hit_actor < 0:
+        inside = int(surfaces.object_id[number]) == owner[1]
+    m = 0
+    if inside:
+        m = surfaces.material[number]
     px, py, pz = o[0] + dx * distance, o[1] + dy * distance, o[2] + dz * distance
-    if materials.detail[m] == GLAZING:
-        beyond = (px + dx * _BEYOND_PANE_M, py + dy * _BEYOND_PANE_M, pz + dz * _BEYOND_PANE_M)
+    pane = inside and materials.detail[m] == GLAZING
+    if pane or not inside:
+        share = _PANE if pane else _ONE
+        beyond = o
+        if pane:
+            beyond = (px + dx * _BEYOND_PANE_M, py + dy * _BEYOND_PANE_M, pz + dz * _BEYOND_PANE_M)
         r, g, b = mirrored(frame, scratch, skip, beyond, d, lamps_on)
-        return r * _PANE, g * _PANE, b * _PANE
+        return r * share, g * share, b * share
     nx, ny, nz, _, _, _ = facing_normals(
         frame.scene, surfaces, hit_actor, number, u, v, False, dx, dy, dz
     )
@@ -322,22 +327,6 @@ def is_covered_ground(row, g, distance):  # type: ignore[no-untyped-def]
 def feels_sky(leaves, distance):  # type: ignore[no-untyped-def]
     """Whether a surface's sky is felt by rays, where the picture is worth them."""
     return not leaves and distance < _OPENNESS_WITHIN_M
-
-
-@inlined
-def _uncovered(frame, scratch, skip, epic, o, g, distance, kinds):  # type: ignore[no-untyped-def]
-    """Share of the sky's light that is left; ``kinds``: instance row, whether it is leaves."""
-    if epic and feels_sky(kinds[1], distance):
-        return openness(frame.scene, scratch, o, g[0], g[1], g[2], skip)
-    if is_covered_ground(kinds[0], g, distance):
-        return under_overhang(frame.scene, scratch, o, skip)
-    return _ONE
-
-
-@inlined
-def _unit(directions, i):  # type: ignore[no-untyped-def]
-    """Unit direction of ray ``i``, and its length."""
-    return unit_of(directions[i, 0], directions[i, 1], directions[i, 2])
 
 
 @inlined
@@ -546,59 +535,95 @@ def exposed(light, colour):  # type: ignore[no-untyped-def]
     return _film(r * light.exposure), _film(g * light.exposure), _film(b * light.exposure)
 
 
-@kernel
-def shade_rays(frame, rays, scratch, epic, first, last, out):  # type: ignore[no-untyped-def]
-    """Colours of hits: linear display light, 0-1. The card's shaders are made from this.
+@device
+def _met(frame, rays, i):  # type: ignore[no-untyped-def]
+    """What ray ``i`` met.
+
+    Returns:
+        The ray's unit direction (3), distance, shading normal (3), triangle's normal (3), place
+        (3), whether it is leaves.
+    """
+    row, number = rays.row[i], rays.triangle[i]
+    ways = rays.directions
+    dx, dy, dz, length = unit_of(ways[i, 0], ways[i, 1], ways[i, 2])
+    distance = rays.t[i] * length
+    surfaces = frame.static if row < 0 else frame.actors
+    leaves = is_leaf(frame.materials.detail[surfaces.material[number]])
+    nx, ny, nz, gx, gy, gz = facing_normals(
+        frame.scene, surfaces, row, number, rays.weights[i, 0], rays.weights[i, 1], leaves,
+        dx, dy, dz,
+    )  # fmt: skip
+    px, py, pz = place_met(rays.origin, (dx, dy, dz), distance)
+    return dx, dy, dz, distance, nx, ny, nz, gx, gy, gz, px, py, pz, leaves
+
+
+@device
+def light_reaching(frame, rays, scratch, epic, i):  # type: ignore[no-untyped-def]
+    """What comes of sun and sky to the place that ray ``i`` met.
+
+    The card's first pass of shading is made from this; the others' arguments are those of
+    :func:`colour_of_ray`.
+
+    Returns:
+        Share of the sky's light, 0-1, negative where the sun does not reach the place.
+    """
+    if rays.row[i] == NOTHING:
+        return -_ONE
+    _, _, _, distance, nx, ny, nz, gx, gy, gz, px, py, pz, leaves = _met(frame, rays, i)
+    light = frame.light
+    way, p = (gx, gy, gz), (px, py, pz)
+    o = lifted(p, way, distance)
+    free = _ONE
+    if epic and feels_sky(leaves, distance):
+        free = openness(frame.scene, scratch, o, gx, gy, gz, rays.skip)
+    elif is_covered_ground(rays.row[i], way, distance):
+        free = under_overhang(frame.scene, scratch, o, rays.skip)
+    if sun_may_reach(light, (nx, ny, nz), way, leaves):
+        start = sun_start(light, p, o, leaves)
+        if sees_sun(frame.scene, scratch, light, start, rays.skip):
+            return free
+    return -free
+
+
+@device
+def colour_of_ray(frame, rays, scratch, epic, lamps_on, i, reaching):  # type: ignore[no-untyped-def]
+    """Colour of what ray ``i`` met: linear display light, 0-1. The card's shader is made from this.
 
     Args:
         frame: a :class:`ShadedFrame`.
         rays: a :class:`RayHits`.
         scratch: working memory of this thread.
         epic: whether the picture is worth more rays.
-        first, last: half-open range of rays.
-        out: ``(N, 3)`` float32, to be filled.
+        lamps_on: whether any lamp shines.
+        i: the ray.
+        reaching: of :func:`light_reaching`.
     """
     light = frame.light
-    lamps_on = any_lamp_on(frame)
-    for i in range(first, last):
-        dx, dy, dz, length = _unit(rays.directions, i)
+    if rays.row[i] == NOTHING:
+        distance = SKY_M
+        ways = rays.directions
+        dx, dy, dz, _ = unit_of(ways[i, 0], ways[i, 1], ways[i, 2])
         d = (dx, dy, dz)
-        if rays.row[i] == NOTHING:
-            distance = SKY_M
-            sky = sky_radiance(light, dx, dy, dz)
-            r, g, b = sky_met(light, d, rays.pixel_angle, sky)
-        else:
-            distance = rays.t[i] * length
-            row, number = rays.row[i], rays.triangle[i]
-            surfaces = frame.static if row < 0 else frame.actors
-            leaves = is_leaf(frame.materials.detail[surfaces.material[number]])
-            nx, ny, nz, gx, gy, gz = facing_normals(
-                frame.scene, surfaces, row, number, rays.weights[i, 0], rays.weights[i, 1], leaves,
-                dx, dy, dz,
-            )  # fmt: skip
-            n, way = (nx, ny, nz), (gx, gy, gz)
-            p = place_met(rays.origin, d, distance)
-            o = lifted(p, way, distance)
-            free = _uncovered(frame, scratch, rays.skip, epic, o, way, distance, (row, leaves))
-            sunlit = False
-            if sun_may_reach(light, n, way, leaves):
-                start = sun_start(light, p, o, leaves)
-                sunlit = sees_sun(frame.scene, scratch, light, start, rays.skip)
-            pixel = footprint(rays.pixel_angle, d, way, distance)
-            r, g, b, lr, lg, lb, fresnel, rough, rx, ry, rz, lit, town = unmirrored(
-                frame, rays, scratch, epic, lamps_on, i, d, distance, p, pixel,
-                (nx, ny, nz, gx, gy, gz, leaves), (free, sunlit),
-            )  # fmt: skip
-            if fresnel >= 0:
-                mirror = (rx, ry, rz)
-                if town:
-                    shown = mirrored(frame, scratch, rays.skip, o, mirror, lamps_on)
-                else:
-                    shown = over_town(light, rz, sky_radiance(light, rx, ry, rz))
-                gloss = (fresnel, rough, towards(light.sun_direction, mirror))
-                r, g, b = with_mirrored(light, (r, g, b), shown, gloss, lit)
-            r, g, b = r + lr, g + lg, b + lb
-        sunwards = towards(light.sun_direction, d)
-        colour = through_fog(light, rays.origin[2], d[2], sunwards, distance, (r, g, b))
-        r, g, b = exposed(light, through_rain(light, rays, d, distance, colour))
-        out[i, 0], out[i, 1], out[i, 2] = r, g, b
+        sky = sky_radiance(light, dx, dy, dz)
+        r, g, b = sky_met(light, d, rays.pixel_angle, sky)
+    else:
+        dx, dy, dz, distance, nx, ny, nz, gx, gy, gz, px, py, pz, leaves = _met(frame, rays, i)
+        d, p, way = (dx, dy, dz), (px, py, pz), (gx, gy, gz)
+        pixel = footprint(rays.pixel_angle, d, way, distance)
+        r, g, b, lr, lg, lb, fresnel, rough, rx, ry, rz, lit, town = unmirrored(
+            frame, rays, scratch, epic, lamps_on, i, d, distance, p, pixel,
+            (nx, ny, nz, gx, gy, gz, leaves), (abs(reaching), reaching > 0),
+        )  # fmt: skip
+        if fresnel >= 0:
+            mirror = (rx, ry, rz)
+            if town:
+                o = lifted(p, way, distance)
+                shown = mirrored(frame, scratch, rays.skip, o, mirror, lamps_on)
+            else:
+                shown = over_town(light, rz, sky_radiance(light, rx, ry, rz))
+            gloss = (fresnel, rough, towards(light.sun_direction, mirror))
+            r, g, b = with_mirrored(light, (r, g, b), shown, gloss, lit)
+        r, g, b = r + lr, g + lg, b + lb
+    sunwards = towards(light.sun_direction, d)
+    colour = through_fog(light, rays.origin[2], d[2], sunwards, distance, (r, g, b))
+    return exposed(light, through_rain(light, rays, d, distance, colour))

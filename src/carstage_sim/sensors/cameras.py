@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from carstage_sim.maps.town import Town
 from carstage_sim.render.caster import Hits
 from carstage_sim.render.film import Film
-from carstage_sim.render.gpu.camera import Product
+from carstage_sim.render.gpu.passes import Product
 from carstage_sim.render.pixel_kernels import (
     InParts,
     bytes_of,

@@ -12,7 +12,7 @@ import numpy as np
 
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.maps.town import Town
-from carstage_sim.render.gpu.camera import Product
+from carstage_sim.render.gpu.passes import Product
 from carstage_sim.sensors.cameras import CameraSensor
 from carstage_sim.sensors.measurements import FlowFrame, SensorRequest
 from carstage_sim.sensors.motions import Seen, flow_of, motions_between, seen_actors

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
-from enum import IntFlag
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.render.film import Film
-from carstage_sim.render.gpu.caster import GROUP, GpuCaster, groups_of
-from carstage_sim.render.gpu.device import Gpu
+from carstage_sim.render.gpu.caster import GpuCaster
+from carstage_sim.render.gpu.passes import TILE, Exposure, PictureBuffers, Product, expose, split
 from carstage_sim.render.gpu.program import CameraProgram, frame_source, words_of
 from carstage_sim.render.gpu.transfer import Readback
 from carstage_sim.render.materials import material_table
@@ -23,25 +22,8 @@ from carstage_sim.render.scene import Frame
 from carstage_sim.render.sky import Lighting
 
 _MOST_SAMPLES = 8
-_SHOT_WORDS = 72
-_TILE = 8
-_MOST_SIZES = 8
-
-
-class Product(IntFlag):
-    """What a camera's picture can show."""
-
-    COLOURS = 1
-    DEPTH = 2
-    TAGS = 4
-    INSTANCES = 8
-    NORMALS = 16
-    FLOW = 32
-
-
-def bytes_per_pixel(product: Product) -> int:
-    """Flow is two numbers of 32 bits, the others are B, G, R, A."""
-    return 8 if product is Product.FLOW else 4
+_MOST_PIXELS = 6_000_000
+"""Of cameras that are exposed together: each takes up to 200 bytes of the card's memory."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,26 +52,21 @@ class Shot:
     high: float
 
 
-class _PictureBuffers:
-    """Buffers of cameras with one lens, and the bind groups over them.
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """Pictures that are asked for of one camera.
 
     Attributes:
-        invocations: one for each pixel of whole tiles.
-        slopes_of: the array whose slopes are on the card.
+        shot: the camera.
+        products: the pictures.
+        film: how light becomes codes.
+        motions: since this camera's last picture; only flow needs them.
     """
 
-    def __init__(self, gpu: Gpu, shot: Shot) -> None:
-        pixels = self.pixels = shot.width * shot.height
-        self.invocations = -(-shot.width // _TILE) * -(-shot.height // _TILE) * _TILE * _TILE
-        self.slopes_of = shot.slopes
-        self.shot = gpu.uniform(_SHOT_WORDS * 4)
-        self.slopes, self.hits = gpu.storage(16 * pixels), gpu.storage(20 * pixels)
-        self.colours, self.codes = gpu.storage(16 * pixels), gpu.storage(4 * pixels)
-        self.edges = gpu.storage(4 + 4 * pixels)
-        self.out = gpu.storage(24 * pixels)
-        self.motions = gpu.storage(64)
-        self.bound: dict[Any, tuple[tuple[Any, ...], Any]] = {}
-        gpu.write(self.slopes, np.stack(_split(shot.slopes), axis=2))
+    shot: Shot
+    products: Collection[Product]
+    film: Film = field(default_factory=Film)
+    motions: Motions | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,79 +104,108 @@ class GpuCameras:
         self._sampling = SAMPLING[quality]
         self._materials = material_table()
         self._program: CameraProgram | None = None
-        self._buffers: dict[int, _PictureBuffers] = {}
+        self._buffers: dict[tuple[int, int], PictureBuffers] = {}
         self._curves: dict[float, Any] = {}
 
-    def take(
-        self,
-        frame: Frame,
-        shot: Shot,
-        products: Collection[Product],
-        light: Lighting,
-        *,
-        film: Film | None = None,
-        motions: Motions | None = None,
-    ) -> Pending:
-        """Begin pictures of one camera.
+    def take(self, frame: Frame, light: Lighting, asked: Sequence[Asked]) -> list[Pending]:
+        """Begin pictures of cameras, in the order in which they are asked for.
 
         Args:
             frame: what is seen.
-            shot: the camera.
-            products: the pictures.
             light: of the weather; only colours need it.
-            film: how light becomes codes.
-            motions: since this camera's last picture; only flow needs them.
+            asked: the pictures.
         """
-        film = film or Film()
-        source = frame_source(frame, self._materials, film.exposed(light))
+        pending: list[Pending] = []
         self._caster.geometry.update(frame.scene)
-        if self._program is None:
-            self._program = CameraProgram(self._caster, source, epic=self._epic)
-        self._program.arenas.update(source)
-        place = self._place(shot)
-        self._aim(place, shot, sum(products))
-        if motions is not None:
-            words = _motion_words(motions)
-            if place.motions.size < words.nbytes:
-                place.motions = self._gpu.storage(2 * words.nbytes)
-            self._gpu.write(place.motions, words)
-        work = _Work(self._caster, self._program, place, self._curve(film), products)
-        return work.expose(len(self._sampling.offsets))
+        for film, together in self._groups(asked):
+            source = frame_source(frame, self._materials, film.exposed(light))
+            if self._program is None:
+                self._program = CameraProgram(self._caster, source, epic=self._epic)
+            self._program.arenas.update(source)
+            pending += self._expose(self._program, frame, light, together)
+        return pending
+
+    def _groups(self, asked: Sequence[Asked]) -> Iterator[tuple[Film, list[Asked]]]:
+        """What is exposed together: with the same film, and no more than there is room for."""
+        together: list[Asked] = []
+        pixels = 0
+        for one in asked:
+            more = one.shot.width * one.shot.height
+            other = together and one.film != together[0].film
+            if together and (other or pixels + more > _MOST_PIXELS):
+                yield together[0].film, together
+                together, pixels = [], 0
+            together.append(one)
+            pixels += more
+        if together:
+            yield together[0].film, together
+
+    def _expose(
+        self, program: CameraProgram, frame: Frame, light: Lighting, together: Sequence[Asked]
+    ) -> list[Pending]:
+        lamps_on = bool(light.night > 0) or bool((frame.lamps.power.sum(axis=1) > 0).any())
+        exposures = []
+        taken: dict[int, int] = {}
+        for one in together:
+            number = taken[id(one.shot.slopes)] = taken.get(id(one.shot.slopes), -1) + 1
+            place = self._place(one.shot, number)
+            self._aim(place, one.shot, sum(one.products), lamps_on)
+            if one.motions is not None:
+                self._write_motions(place, one.motions)
+            curve = self._curve(one.film)
+            exposures.append(Exposure(self._caster, program, place, one.products, curve))
+        submission = expose(self._gpu, exposures)
+        return [Pending(one.readback, one.parts, submission) for one in exposures]
+
+    def _write_motions(self, place: PictureBuffers, motions: Motions) -> None:
+        words = _motion_words(motions)
+        if place.motions.size < words.nbytes:
+            place.motions = self._gpu.storage(2 * words.nbytes)
+        self._gpu.write(place.motions, words)
 
     def warm_up(self, frame: Frame, light: Lighting) -> None:
         """Compile every pass, and bring the town to the card."""
-        slopes = np.zeros((_TILE * _TILE, 2))
-        shot = Shot(_TILE, _TILE, 90.0, slopes, np.zeros(3), np.eye(3), -1, 0.1, 1.0)
-        still = no_motion(len(frame.actor_id))
-        self.take(frame, shot, list(Product), light, motions=still).pictures()
+        slopes = np.zeros((TILE * TILE, 2))
+        shot = Shot(TILE, TILE, 90.0, slopes, np.zeros(3), np.eye(3), -1, 0.1, 1.0)
+        asked = Asked(shot, list(Product), motions=no_motion(len(frame.actor_id)))
+        self.take(frame, light, [asked])[0].pictures()
         self._caster.cast(frame.scene, np.zeros(3), np.eye(3, dtype=np.float32), low=0.1, high=1.0)
 
-    def _place(self, shot: Shot) -> _PictureBuffers:
-        """The buffers of a lens: what one camera leaves in them is copied before the next comes."""
-        place = self._buffers.get(id(shot.slopes))
+    def _place(self, shot: Shot, number: int) -> PictureBuffers:
+        """The buffers of a lens, for the so manieth camera that is exposed with others.
+
+        What a camera leaves in them is copied before the next comes.
+        """
+        key = (id(shot.slopes), number)
+        place = self._buffers.pop(key, None)
         if place is None:
-            if len(self._buffers) == _MOST_SIZES:
-                self._buffers.pop(next(iter(self._buffers)))
-            place = self._buffers[id(shot.slopes)] = _PictureBuffers(self._gpu, shot)
+            size, samples = (shot.width, shot.height), len(self._sampling.offsets)
+            place = PictureBuffers(self._gpu, size, shot.slopes, samples)
+            held = sum(other.pixels for other in self._buffers.values())
+            while self._buffers and held + place.pixels > 2 * _MOST_PIXELS:
+                held -= self._buffers.pop(next(iter(self._buffers))).pixels
+        # What was used last comes last: what is used now is not given away.
+        self._buffers[key] = place
         return place
 
-    def _aim(self, place: _PictureBuffers, shot: Shot, wanted: int) -> None:
+    def _aim(self, place: PictureBuffers, shot: Shot, wanted: int, lamps_on: bool) -> None:
         offsets = self._sampling.offsets
         if len(offsets) > _MOST_SAMPLES:
             raise ValueError(f"more than {_MOST_SAMPLES} extra rays of a pixel")
         axes = np.zeros((7, 4), np.float32)
-        axes[:3, :3], axes[4:, :3] = _split(shot.rotation.T)
+        axes[:3, :3], axes[4:, :3] = split(shot.rotation.T)
         axes[3, :3] = shot.location
         places = np.zeros((_MOST_SAMPLES, 4), np.float32)
         places[: len(offsets), :2] = offsets
         half_width = math.tan(math.radians(shot.fov_deg) / 2.0)
-        numbers = np.zeros(12, np.uint32)
+        numbers = np.zeros(16, np.uint32)
         numbers[:2] = shot.width, shot.height
         numbers[2:3] = np.array([shot.skip_row], np.int32).view(np.uint32)
         numbers[3] = len(offsets)
         numbers[4:7] = words_of([shot.low, shot.high, 2.0 * half_width / shot.width])
         numbers[7:11] = self._sampling.strong, self._sampling.weak, 0, wanted
-        numbers[11:] = words_of([half_width])
+        numbers[11:12] = words_of([half_width])
+        numbers[12] = lamps_on
         self._gpu.write(place.shot, np.concatenate([words_of(axes), numbers, words_of(places)]))
 
     def _curve(self, film: Film) -> Any:
@@ -209,99 +215,6 @@ class GpuCameras:
             self._gpu.write(curve, film.encode(steps).reshape(-1).view(np.uint32))
             self._curves[film.gamma] = curve
         return self._curves[film.gamma]
-
-
-class _Work:
-    """The passes of one camera.
-
-    Attributes:
-        parts: where in the read-back each picture begins, and its bytes; the colours come last.
-    """
-
-    def __init__(
-        self,
-        caster: GpuCaster,
-        program: CameraProgram,
-        place: _PictureBuffers,
-        curve: Any,
-        products: Collection[Product],
-    ) -> None:
-        self._gpu, self._program, self._place = caster.gpu, program, place
-        self._coloured = Product.COLOURS in products
-        others = sorted(product for product in products if product is not Product.COLOURS)
-        self.parts: dict[Product, tuple[int, int]] = {}
-        self._end = 0
-        for product in [*others, *([Product.COLOURS] if self._coloured else [])]:
-            size = place.pixels * bytes_per_pixel(product)
-            self.parts[product] = (self._end, size)
-            self._end += size
-        self._others = self._end - 4 * place.pixels * self._coloured
-        self._readback = self._gpu.readback(self._end)
-        self._scene = self._group("scene", caster.scene_layout, caster.geometry.buffers)
-        self._arenas = self._group("arenas", program.arena_layout, program.arenas.buffers)
-        rays = (place.shot, place.slopes, place.hits)
-        self._rays = {
-            writes: self._group(("rays", writes), program.shot[writes], rays)
-            for writes in (True, False)
-        }
-        self._last: dict[str, Any] = {}
-        if self._coloured:
-            film = (curve, place.colours, place.codes, place.edges)
-            self._last["colours"] = self._group("colours", program.last["colours"], film)
-        if self._others:
-            out = (place.out, place.motions)
-            self._last["products"] = self._group("products", program.last["products"], out)
-
-    def expose(self, samples: int) -> Pending:
-        """Let the card cast and make the pictures.
-
-        Args:
-            samples: extra rays of a pixel on an edge.
-        """
-        place = self._place
-        on_edges = -(-place.pixels // (GROUP // samples)) * GROUP
-        encoder = self._gpu.device.create_command_encoder()
-        compute = encoder.begin_compute_pass()
-        compute.set_bind_group(0, self._scene)
-        compute.set_bind_group(2, self._arenas)
-        self._run(compute, "shoot", place.invocations)
-        if self._others:
-            self._run(compute, "products", place.invocations)
-        if self._coloured:
-            self._run(compute, "shade", place.invocations)
-            self._run(compute, "find_edges", place.invocations)
-            # At most so many are on edges: groups that find no work end at once.
-            self._run(compute, "sample_edges", on_edges)
-        compute.end()
-        target = self._readback.buffer
-        if self._others:
-            encoder.copy_buffer_to_buffer(place.out, 0, target, 0, self._others)
-        if self._coloured:
-            size = 4 * place.pixels
-            encoder.copy_buffer_to_buffer(place.codes, 0, target, self._others, size)
-        return Pending(self._readback, self.parts, self._gpu.submit(encoder))
-
-    def _run(self, compute: Any, entry: str, invocations: int) -> None:
-        compute.set_pipeline(self._program.pipeline(entry))
-        compute.set_bind_group(1, self._rays[entry == "shoot"])
-        if entry != "shoot":
-            compute.set_bind_group(3, self._last[entry if entry == "products" else "colours"])
-        compute.dispatch_workgroups(*groups_of(invocations))
-
-    def _group(self, key: Any, layout: Any, buffers: Sequence[Any]) -> Any:
-        """A bind group, the same again while its buffers are."""
-        held = self._place.bound.get(key)
-        same = held is not None and all(a is b for a, b in zip(held[0], buffers, strict=True))
-        if held is None or not same:
-            held = (tuple(buffers), self._gpu.group(layout, buffers))
-            self._place.bound[key] = held
-        return held[1]
-
-
-def _split(array: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Numbers in single precision, and what that leaves of them."""
-    main = array.astype(np.float32)
-    return main, (array - main).astype(np.float32)
 
 
 def _motion_words(motions: Motions) -> NDArray[np.float32]:

@@ -176,6 +176,12 @@ class Gpu:
         ]
         return self.device.create_bind_group(layout=layout, entries=entries)
 
+    def dispatch(
+        self, compute: Any, pipeline: Any, groups: Sequence[Any], size: tuple[int, int, int]
+    ) -> None:
+        """Record a pass: a pipeline with all its bind groups, over so many work groups."""
+        self._native.dispatch(compute, pipeline, groups, size)
+
     def submit(self, encoder: Any) -> int:
         """Let the card do what an encoder has; the number is for :meth:`Readback.bytes`."""
         return self._native.submit(encoder.finish())

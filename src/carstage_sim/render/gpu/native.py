@@ -6,7 +6,7 @@ and copies. Here the caller waits for one submission, and gets the mapped memory
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -48,6 +48,16 @@ class Native:
         self._commands[0] = commands._internal
         queue = self._device.queue._internal
         return int(self._lib.wgpuQueueSubmitForIndex(queue, 1, self._commands))
+
+    def dispatch(
+        self, compute: Any, pipeline: Any, groups: Sequence[Any], size: tuple[int, int, int]
+    ) -> None:
+        """Record a pass with its bind groups."""
+        lib, internal, none = self._lib, compute._internal, self._ffi.NULL
+        lib.wgpuComputePassEncoderSetPipeline(internal, pipeline._internal)
+        for number, group in enumerate(groups):
+            lib.wgpuComputePassEncoderSetBindGroup(internal, number, group._internal, 0, none)
+        lib.wgpuComputePassEncoderDispatchWorkgroups(internal, *size)
 
     def map(
         self, buffer: Any, size: int, mode: int, after: int, done: Callable[[], None]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Sequence
 from typing import Any
 
@@ -28,13 +27,29 @@ from carstage_sim.render.gpu.values import (
 from carstage_sim.render.materials import MaterialTable
 from carstage_sim.render.quality import SAMPLING, Quality
 from carstage_sim.render.scene import Frame
-from carstage_sim.render.shading import shade_rays
+from carstage_sim.render.shading import colour_of_ray, light_reaching
 from carstage_sim.render.sky import Lighting
 from carstage_sim.render.surface import facing_normals
 
-_SHOT, _ARENAS, _LAST = 1, 2, 3
-"""Bind groups: the camera, the frame's arrays, what a pass alone needs."""
+_ARENAS = 2
+"""Bind group of the frame's arrays; 0 is the scene, 1 the camera, 3 what a pass alone needs."""
 _HIT = ("f32", "i32", "i32", "f32", "f32")
+WRITES_HITS = ("shoot", "reach")
+"""Passes that write what rays met."""
+_LAST = {
+    "shoot": "ur", "reach": "ur", "shade": "urrwww", "products": "wr", "find_edges": "uwrw",
+    "blend_edges": "urrrwrr",
+}  # fmt: skip
+"""Kinds of the buffers that a pass alone needs."""
+_PARTS = {
+    "shoot": ("batch", "rays", "aim"),
+    "reach": ("batch", "rays", "aim", "met"),
+    "shade": ("batch", "rays", "aim", "met", "film"),
+    "products": ("rays",),
+    "find_edges": ("batch", "edge"),
+    "blend_edges": ("batch", "edge", "film"),
+}
+"""Sources of this package that a pass needs beside its own."""
 _READ_BY_PRODUCTS = (
     ("static", "tag"), ("actors", "tag"), ("static", "object_id"), ("actor_id", ""),
 )  # fmt: skip
@@ -94,7 +109,7 @@ class CameraProgram:
 
     Attributes:
         shot: layouts of bind group 1, by whether a pass writes the hits.
-        last: layouts of bind group 3: of the passes of colours, and of the other products.
+        last: layouts of bind group 3, by pass.
         arenas: the arrays of bind group 2.
     """
 
@@ -108,10 +123,15 @@ class CameraProgram:
         # What a pass could write makes the card wait for it, whether it does or not.
         self.shot = {True: self._gpu.layout("urw"), False: self._gpu.layout("urr")}
         self.arena_layout = self._gpu.layout("rrrru")
-        self.last = {"colours": self._gpu.layout("rwww"), "products": self._gpu.layout("wr")}
-        self._shading = self._shading_source()
-        self._edges = self._edges_source()
-        self._products = self._products_source()
+        self.last = {entry: self._gpu.layout(kinds) for entry, kinds in _LAST.items()}
+        self._sources = {
+            "shoot": wgsl("shoot"),
+            "reach": self._reach_source(),
+            "shade": self._shade_source(),
+            "products": self._products_source(),
+            "find_edges": self._edges_source(),
+            "blend_edges": self._blend_source(),
+        }
         self._pipelines: dict[tuple[str, int], Any] = {}
 
     def pipeline(self, entry: str) -> Any:
@@ -119,27 +139,24 @@ class CameraProgram:
         depth = self._caster.geometry.stack if entry in _TRACING else 0
         key = (entry, depth)
         if key not in self._pipelines:
-            layouts = [self._caster.scene_layout, self.shot[entry == "shoot"], self.arena_layout]
-            access = "read_write" if entry == "shoot" else "read"
-            shot = wgsl("shot").replace("HITS", access)
-            if entry == "shoot":
-                code = self._caster.source() + shot + wgsl("rays", "shoot")
-            elif entry == "products":
-                layouts.append(self.last["products"])
-                code = self._gpu.constants + shot + self.arenas.source(_ARENAS)
-                code += wgsl("rays") + self._products
-            else:
-                layouts.append(self.last["colours"])
-                code = shot + self.arenas.source(_ARENAS) + wgsl("film")
-                if entry == "find_edges":
-                    code += self._edges
-                else:
-                    code += self._caster.source() + wgsl("rays") + _TRACED + self._shading
+            writes = entry in WRITES_HITS
+            layouts = [self._caster.scene_layout, self.shot[writes], self.arena_layout]
+            code = self._caster.source() if entry in _TRACING else self._gpu.constants
+            code += wgsl("shot").replace("HITS", "read_write" if writes else "read")
+            if entry != "shoot":
+                code += self.arenas.source(_ARENAS)
+            code += wgsl(*_PARTS[entry])
+            finds = entry == "find_edges"
+            code = code.replace("LISTED", "atomic<u32>" if finds else "u32")
+            code = code.replace("LIST", "read_write" if finds else "read")
+            code = code.replace("COLOURS>", "read_write>" if entry == "shade" else "read>")
+            code += self._sources[entry]
+            layouts.append(self.last[entry])
             self._pipelines[key] = self._gpu.pipeline(code, entry, layouts)
         return self._pipelines[key]
 
-    def _shading_source(self) -> str:
-        """The shading kernel, translated, and the passes that run it."""
+    def _ray_arguments(self) -> dict[str, Bound]:
+        """What the kernels of one ray are given, by the names of their parameters."""
         rays: dict[str, Value | Array] = {
             "origin": Array("ray_origin", "f32", 1),
             "directions": Array("ray_direction", "f32", 2),
@@ -150,38 +167,46 @@ class CameraProgram:
             "skip": Value("shot.skip", "i32"),
             "pixel_angle": Value("shot.angle", "f32"),
         }
-        given: dict[str, Bound] = {
+        return {
             "frame": Record("frame", self._frame_member),
             "rays": Record("rays", rays.__getitem__),
             "scratch": Record("scratch", _no_member),
             "epic": Value("true" if self._epic else "false", "bool"),
-            "first": Value("0i", "i32"),
-            "last": Value("1i", "i32"),
-            "out": Array("", "f32", 2, write="set_colour"),
+            "i": Value("i", "i32"),
         }
-        kernel: Any = shade_rays
-        names = list(inspect.signature(kernel.py_func).parameters)
+
+    def _tracing_translator(self) -> Translator:
+        """A translator of kernels that trace rays."""
         externals: dict[Any, External] = {}
         translator = Translator(externals)
         externals[trace] = _trace_for(translator)
         translator.structure(_HIT)
         translator.structure(("f32", "f32", "f32"))
-        name, _ = translator.function(kernel, [given[parameter] for parameter in names])
-        passed = ", ".join(
-            value.code
-            for value in (given[parameter] for parameter in names)
-            if isinstance(value, Value) and value.code not in ("true", "false")
-        )
-        text = wgsl("shade").replace("SHADE(0, 1)", f"{name}({passed})")
+        return translator
+
+    def _reach_source(self) -> str:
+        """The pass that finds the light, around the translated kernel."""
+        translator = self._tracing_translator()
+        name, _ = translator.function(light_reaching, list(self._ray_arguments().values()))
+        text = wgsl("reach").replace("REACHING(", f"{name}(")
+        return _TRACED + translator.source() + "\n" + text
+
+    def _shade_source(self) -> str:
+        """The pass that colours, around the translated kernel."""
+        translator = self._tracing_translator()
+        given = self._ray_arguments()
+        given["lamps_on"], given["reaching"] = Value("lamps_on", "bool"), Value("reaching", "f32")
+        order = ("frame", "rays", "scratch", "epic", "lamps_on", "i", "reaching")
+        name, _ = translator.function(colour_of_ray, [given[parameter] for parameter in order])
+        text = wgsl("shade").replace("SHADE(", f"{name}(")
+        return _TRACED + translator.source() + "\n" + text
+
+    def _blend_source(self) -> str:
+        """The pass that mixes colours, around the translated weights."""
+        translator = Translator({})
         away = Value("i", "i32")
         weight, _ = translator.function(weight_in_mean, [away, away])
-        text = text.replace("WEIGHT(", f"{weight}(").replace("BLENDS", self._blends)
-        row, triangle = Array("centre_row", "i32", 1), Array("centre_triangle", "i32", 1)
-        records: list[Bound] = [self.arenas.record("static"), self.arenas.record("actors")]
-        detail = self.arenas.member("materials", "detail")
-        like, _ = translator.function(alike, [*records, detail, row, triangle, away, away])
-        text = text.replace("ALIKE(", f"{like}(")
-        return translator.source() + "\n" + text
+        return translator.source() + "\n" + wgsl("blend").replace("WEIGHT(", f"{weight}(")
 
     def _edges_source(self) -> str:
         """The pass that finds edges, around the translated comparisons of two pixels."""
@@ -197,8 +222,9 @@ class CameraProgram:
         even, _ = translator.function(_is_even, [row, triangle, leaves, place, place])
         codes = Array("code_at", "i32", 3)
         apart, _ = translator.function(_apart, [codes, place, place, place, place])
+        like, _ = translator.function(alike, [*records, detail, row, triangle, place, place])
         text = wgsl("edges").replace("BLENDS", self._blends).replace("IS_EVEN(", f"{even}(")
-        text = text.replace("LEAF(", f"{leaf}(")
+        text = text.replace("LEAF(", f"{leaf}(").replace("ALIKE(", f"{like}(")
         text = text.replace("APART(", f"{apart}(").replace("UNLIKE(", f"{unlike}(")
         return translator.source() + "\n" + text
 
@@ -228,7 +254,7 @@ class CameraProgram:
 
 
 _ARRAYS = ("colour", "light_state")
-_TRACING = ("shoot", "shade", "sample_edges")
+_TRACING = ("shoot", "reach", "shade")
 
 
 def _no_member(name: str) -> Array:

@@ -1,4 +1,7 @@
-// Which pixels are sampled again, or become a mean of those around them: `EVEN` is told with them.
+// Which pixels of a band are sampled again, or become a mean of those around them.
+
+@group(3) @binding(2) var<storage, read> codes: array<u32>;         // of one ray each
+@group(3) @binding(3) var<storage, read_write> edges: array<u32>;   // two words each, see blend.wgsl
 
 fn code_at(y: i32, x: i32, channel: i32) -> i32 {
   return i32((codes[u32(y) * shot.width + u32(x)] >> u32(16 - 8 * channel)) & 255u);
@@ -24,16 +27,71 @@ fn is_even(y: i32, x: i32) -> bool {
   return IS_EVEN(y * i32(shot.width) + x, i32(shot.width));
 }
 
-@compute @workgroup_size(64)
-fn find_edges(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-  let i = pixel_of_invocation(id, groups);
-  if (i >= pixel_count()) {
-    return;
+// Whether the four pixels around a place show one surface: then it has the colour between theirs.
+fn is_amid_its_like(i: i32, offset: vec2f) -> bool {
+  let width = i32(shot.width);
+  let to = steps_of(offset);
+  let other = vec2i(i % width, i / width) + to;
+  if (!BLENDS || any(other < vec2i(0)) || other.x >= width || other.y >= i32(shot.height)) {
+    return false;
   }
+  let below = i + to.y * width;
+  return ALIKE(i, i + to.x) && ALIKE(i, below) && ALIKE(i, below + to.x);
+}
+
+// How many edges and extra rays the work group has, and where they begin.
+var<workgroup> edge_count: atomic<u32>;
+var<workgroup> ray_count: atomic<u32>;
+var<workgroup> first_edge: u32;
+var<workgroup> first_ray: u32;
+
+@compute @workgroup_size(64)
+fn find_edges(
+  @builtin(global_invocation_id) id: vec3u,
+  @builtin(num_workgroups) groups: vec3u,
+  @builtin(local_invocation_index) lane: u32,
+) {
+  if (lane == 0u) {
+    atomicStore(&edge_count, 0u);
+    atomicStore(&ray_count, 0u);
+  }
+  workgroupBarrier();
+  let i = pixel_of_invocation(id, groups);
   let y = i32(i / shot.width);
   let x = i32(i % shot.width);
-  if (differ(y, x, y, x + 1) || differ(y, x, y + 1, x) || differ(y, x, y, x - 1) || differ(y, x, y - 1, x)) {
-    let found = select(i, i | EVEN, is_even(y, x));
-    atomicStore(&edges[1u + atomicAdd(&edges[0], 1u)], found);
+  var is_edge = i < pixel_count() && u32(y) >= batch.first_row && u32(y) < batch.last_row;
+  var even = false;
+  var traced = 0u;
+  if (is_edge) {
+    is_edge = differ(y, x, y, x + 1) || differ(y, x, y + 1, x) || differ(y, x, y, x - 1) || differ(y, x, y - 1, x);
+  }
+  if (is_edge) {
+    even = is_even(y, x);
+  }
+  if (is_edge && !even) {
+    for (var k = 0u; k < shot.samples; k++) {
+      traced |= select(1u << k, 0u, is_amid_its_like(i32(i), shot.offsets[k].xy));
+    }
+  }
+  let edge = atomicAdd(&edge_count, select(0u, 1u, is_edge));
+  let ray = atomicAdd(&ray_count, countOneBits(traced));
+  workgroupBarrier();
+  if (lane == 0u) {
+    first_edge = atomicAdd(&list[2u * batch.band], atomicLoad(&edge_count));
+    first_ray = atomicAdd(&list[2u * batch.band + 1u], atomicLoad(&ray_count));
+  }
+  workgroupBarrier();
+  if (!is_edge) {
+    return;
+  }
+  let at = 2u * (first_edge + edge);
+  var next = first_ray + ray;
+  edges[at] = select(i, i | EVEN, even);
+  edges[at + 1u] = (next << 8u) | traced;
+  for (var k = 0u; k < shot.samples; k++) {
+    if ((traced & (1u << k)) != 0u) {
+      atomicStore(&list[HEAD + next], (i << 3u) | k);
+      next += 1u;
+    }
   }
 }

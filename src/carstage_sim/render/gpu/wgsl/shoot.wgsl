@@ -2,12 +2,12 @@
 
 @compute @workgroup_size(64)
 fn shoot(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-  let i = pixel_of_invocation(id, groups);
-  let n = pixel_count();
-  if (i >= n) {
+  let n = batch.room;
+  if (!takes_ray(id, groups)) {
     return;
   }
-  let hit = trace(shot.origin.xyz, centre_direction(i), shot.low, shot.high, shot.skip, false);
+  let hit = trace(shot.origin.xyz, the_ray, shot.low, shot.high, shot.skip, false);
+  let i = the_place;
   hits[i] = bitcast<u32>(hit.t);
   hits[n + i] = bitcast<u32>(hit.row);
   hits[2u * n + i] = bitcast<u32>(hit.triangle);

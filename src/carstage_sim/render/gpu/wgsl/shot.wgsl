@@ -20,12 +20,16 @@ struct Shot {
   zero: u32,       // always 0, which no compiler knows
   wanted: u32,     // bits of the products, as carstage_sim.render.gpu.camera.Product counts them
   half_width: f32, // slopes of the picture's sides
+  lamps_on: u32,   // whether any lamp shines
+  unused_a: u32,
+  unused_b: u32,
+  unused_c: u32,
   offsets: array<vec4f, 8>,
 }
 
 @group(1) @binding(0) var<uniform> shot: Shot;
 @group(1) @binding(1) var<storage, read> slopes: array<vec4f>;  // right, its rest, up, its rest
-@group(1) @binding(2) var<storage, HITS> hits: array<u32>;      // t, row, triangle, u, v
+@group(1) @binding(2) var<storage, HITS> hits: array<u32>;      // t, row, triangle, u, v, light
 
 fn pixel_count() -> u32 { return shot.width * shot.height; }
 

@@ -1,0 +1,253 @@
+"""The passes of several cameras in a card's queue, side by side.
+
+A pass ends when its last ray has found its way, however few are left by then: what several cameras
+do at the same stage is begun together, and the next stage when all have ended.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
+from enum import IntFlag
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carstage_sim.render.gpu.caster import GpuCaster, groups_of
+from carstage_sim.render.gpu.device import Gpu
+from carstage_sim.render.gpu.program import WRITES_HITS, CameraProgram
+from carstage_sim.render.gpu.transfer import Readback
+
+SHOT_WORDS = 76
+"""Words of ``Shot`` in ``shot.wgsl``."""
+TILE = 8
+"""Pixels along a side of what a work group takes."""
+_HIT_BYTES = 24
+_HEAD = 512
+_MOST_BANDS = _HEAD // 2
+"""As in ``batch.wgsl``."""
+_MOST_EXTRA = 1 << 21
+"""Extra rays of a camera that are under way at once: a picture that may have more is sampled in
+bands."""
+
+
+class Product(IntFlag):
+    """What a camera's picture can show."""
+
+    COLOURS = 1
+    DEPTH = 2
+    TAGS = 4
+    INSTANCES = 8
+    NORMALS = 16
+    FLOW = 32
+
+
+def bytes_per_pixel(product: Product) -> int:
+    """Flow is two numbers of 32 bits, the others are B, G, R, A."""
+    return 8 if product is Product.FLOW else 4
+
+
+class PictureBuffers:
+    """Buffers of one camera at a time, and the bind groups over them.
+
+    Args:
+        gpu: the card.
+        size: width and height in pixels.
+        slopes: ``(H * W, 2)`` of its lens.
+        samples: extra rays of a pixel on an edge.
+
+    Attributes:
+        slopes_of: the array whose slopes are on the card.
+        pixels: of the picture.
+        invocations: one for each pixel of whole tiles.
+        whole: what a pass does for the rays through pixels' centres.
+        bands: the same for the extra rays, band after band of the picture.
+        most_extra: the most of them that a band has.
+        shot, slopes, hits, colours, codes, picture, edges, out, motions: of pixels.
+        extra_hits, extra_colours, list: of extra rays.
+        unused: what the pass of colours writes for pixels only.
+        nbytes: of all of them.
+    """
+
+    def __init__(
+        self, gpu: Gpu, size: tuple[int, int], slopes: NDArray[np.float64], samples: int
+    ) -> None:
+        width, height = size
+        pixels = self.pixels = width * height
+        self.slopes_of = slopes
+        self.invocations = -(-width // TILE) * -(-height // TILE) * TILE * TILE
+        rows = min(max(_MOST_EXTRA // (width * samples), 1), height)
+        starts = range(0, height, rows)
+        if len(starts) > _MOST_BANDS:
+            raise ValueError(f"a picture of {width}x{height} pixels is too large for the card")
+        extra = self.most_extra = rows * width * samples
+        sizes = {
+            "slopes": 16 * pixels, "hits": _HIT_BYTES * pixels, "colours": 16 * pixels,
+            "codes": 4 * pixels, "picture": 4 * pixels, "edges": 8 * rows * width,
+            "out": 24 * pixels, "extra_hits": _HIT_BYTES * extra, "extra_colours": 16 * extra,
+            "list": 4 * (_HEAD + extra),
+        }  # fmt: skip
+        self.nbytes = sum(sizes.values())
+        made = {name: gpu.storage(nbytes) for name, nbytes in sizes.items()}
+        self.slopes, self.hits, self.colours = made["slopes"], made["hits"], made["colours"]
+        self.codes, self.picture, self.edges = made["codes"], made["picture"], made["edges"]
+        self.extra_hits, self.extra_colours = made["extra_hits"], made["extra_colours"]
+        self.out, self.list = made["out"], made["list"]
+        self.unused = [gpu.storage(4), gpu.storage(4)]
+        self.motions = gpu.storage(64)
+        self.shot = gpu.uniform(SHOT_WORDS * 4)
+        self.bound: dict[Any, tuple[tuple[Any, ...], Any]] = {}
+        gpu.write(self.slopes, np.stack(split(slopes), axis=2))
+        self.whole = _batch(gpu, 0, pixels, 0, height, 0)
+        self.bands = [
+            _batch(gpu, 1, extra, first, min(first + rows, height), number)
+            for number, first in enumerate(starts)
+        ]
+
+
+def split(array: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Numbers in single precision, and what that leaves of them."""
+    main = array.astype(np.float32)
+    return main, (array - main).astype(np.float32)
+
+
+def _batch(gpu: Gpu, *words: int) -> Any:
+    """Which rays a pass is about, as ``Batch`` in ``batch.wgsl`` has it."""
+    buffer = gpu.uniform(32)
+    gpu.write(buffer, np.array([*words, 0, 0, 0], np.uint32))
+    return buffer
+
+
+class Exposure:
+    """The passes of one camera.
+
+    Args:
+        caster: the card and the scene on it.
+        program: the pipelines.
+        place: the camera's buffers.
+        products: what is asked for.
+        curve: of the film.
+
+    Attributes:
+        parts: where in the read-back each picture begins, and its bytes; the colours come last.
+        readback: where they arrive.
+        others: bytes of all pictures but the colours.
+        coloured: whether colours are asked for.
+    """
+
+    def __init__(
+        self,
+        caster: GpuCaster,
+        program: CameraProgram,
+        place: PictureBuffers,
+        products: Collection[Product],
+        curve: Any,
+    ) -> None:
+        self._gpu, self._program, self.place = caster.gpu, program, place
+        self.coloured = Product.COLOURS in products
+        others = sorted(product for product in products if product is not Product.COLOURS)
+        self.parts: dict[Product, tuple[int, int]] = {}
+        end = 0
+        for product in [*others, *([Product.COLOURS] if self.coloured else [])]:
+            size = place.pixels * bytes_per_pixel(product)
+            self.parts[product] = (end, size)
+            end += size
+        self.others = end - 4 * place.pixels * self.coloured
+        self.readback: Readback = self._gpu.readback(end)
+        self._scene = self._group("scene", caster.scene_layout, caster.geometry.buffers)
+        self._arenas = self._group("arenas", program.arena_layout, program.arenas.buffers)
+        found = place.list
+        self._needed = {
+            "shoot": [found],
+            "products": [place.out, place.motions],
+            "reach": [found],
+            "shade": [found, curve, place.colours, place.picture, place.codes],
+            "find_edges": [found, place.codes, place.edges],
+            "blend_edges": [
+                found, curve, place.colours, place.picture, place.edges, place.extra_colours
+            ],
+        }  # fmt: skip
+        self._needed_of_extra = {
+            **self._needed,
+            "shade": [found, curve, place.extra_colours, *place.unused],
+        }
+
+    def run(self, compute: Any, entry: str, band: int = -1, *, extra: bool = False) -> None:
+        """A pass.
+
+        Args:
+            compute: where it is recorded.
+            entry: its name.
+            band: of the picture, -1 for all of it.
+            extra: whether it is about extra rays: the card alone knows how many there are, and
+                what finds none ends at once.
+        """
+        place, program = self.place, self._program
+        batch = place.whole if band < 0 else place.bands[band]
+        needed = self._needed_of_extra[entry] if extra else self._needed[entry]
+        last = needed if entry == "products" else [batch, *needed]
+        writes = entry in WRITES_HITS
+        rays = (place.shot, place.slopes, place.extra_hits if extra else place.hits)
+        groups = (
+            self._scene,
+            self._group(("rays", writes, extra), program.shot[writes], rays),
+            self._arenas,
+            self._group((entry, band), program.last[entry], last),
+        )
+        invocations = place.most_extra if extra else place.invocations
+        size = groups_of(invocations)
+        self._gpu.dispatch(compute, program.pipeline(entry), groups, size)
+
+    def _group(self, key: Any, layout: Any, buffers: Sequence[Any]) -> Any:
+        """A bind group, the same again while its buffers are."""
+        held = self.place.bound.get(key)
+        same = held is not None and all(a is b for a, b in zip(held[0], buffers, strict=True))
+        if held is None or not same:
+            held = (tuple(buffers), self._gpu.group(layout, buffers))
+            self.place.bound[key] = held
+        return held[1]
+
+
+def expose(gpu: Gpu, exposures: Sequence[Exposure]) -> int:
+    """Let a card make the pictures of cameras, stage by stage; the number of the submission."""
+    coloured = [one for one in exposures if one.coloured]
+    others = [one for one in exposures if one.others]
+    encoder = gpu.device.create_command_encoder()
+    with _recorded(encoder) as compute:
+        for one in exposures:
+            one.run(compute, "shoot")
+        for one in others:
+            one.run(compute, "products")
+    for one in others:
+        # Copied while the colours are made.
+        target = one.readback.buffer
+        encoder.copy_buffer_to_buffer(one.place.out, 0, target, 0, one.others)
+    submission = gpu.submit(encoder)
+    if not coloured:
+        return submission
+    # The card casts while this is recorded.
+    encoder = gpu.device.create_command_encoder()
+    for one in coloured:
+        encoder.clear_buffer(one.place.list, 0, 8 * len(one.place.bands))
+    with _recorded(encoder) as compute:
+        for entry in ("reach", "shade"):
+            for one in coloured:
+                one.run(compute, entry)
+        for band in range(max(len(one.place.bands) for one in coloured)):
+            banded = [one for one in coloured if band < len(one.place.bands)]
+            for entry in ("find_edges", "shoot", "reach", "shade", "blend_edges"):
+                for one in banded:
+                    one.run(compute, entry, band, extra=entry in ("shoot", "reach", "shade"))
+    for one in coloured:
+        size = 4 * one.place.pixels
+        target = one.readback.buffer
+        encoder.copy_buffer_to_buffer(one.place.picture, 0, target, one.others, size)
+    return gpu.submit(encoder)
+
+
+@contextmanager
+def _recorded(encoder: Any) -> Iterator[Any]:
+    compute = encoder.begin_compute_pass()
+    yield compute
+    compute.end()

@@ -1,0 +1,11 @@
+// What comes of sun and sky to the places that rays met. A pass of its own: rays to the sun run side
+// by side, and registers of the shading do not stand in their way.
+
+@compute @workgroup_size(64)
+fn reach(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+  if (!takes_ray(id, groups)) {
+    return;
+  }
+  take_hit();
+  hits[5u * batch.room + the_place] = bitcast<u32>(REACHING(0));
+}

@@ -1,0 +1,90 @@
+"""Cameras whose pictures a card makes side by side get what each gets alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import sensor_worlds
+from carstage_sim.geometry import rotation_matrix
+from carstage_sim.render.film import Film
+from carstage_sim.render.gpu import camera, passes
+from carstage_sim.render.gpu.camera import Asked, GpuCameras, Shot
+from carstage_sim.render.gpu.caster import GpuCaster
+from carstage_sim.render.gpu.passes import Product
+from carstage_sim.render.motion import no_motion
+from carstage_sim.render.sky import SkyModel
+from carstage_sim.sensors.world_sensors import WorldSensors
+from carstage_sim.world.state import Weather
+
+pytestmark = pytest.mark.xdist_group("gpu")
+
+WIDTH, HEIGHT = 128, 80
+
+
+def slopes():
+    across = (np.arange(WIDTH) + 0.5) * (2.0 / WIDTH) - 1.0
+    upwards = (1.0 - (np.arange(HEIGHT) + 0.5) * (2.0 / HEIGHT)) * HEIGHT / WIDTH
+    return np.stack([np.tile(across, HEIGHT), np.repeat(upwards, WIDTH)], axis=1)
+
+
+LENS = slopes()
+
+
+def shot(yaw_deg, lens=LENS):
+    turned = rotation_matrix((-4.0, yaw_deg, 0.0))
+    return Shot(WIDTH, HEIGHT, 90.0, lens, np.array([0.0, 0.0, 2.0]), turned, -1, 0.1, 1000.0)
+
+
+@pytest.fixture(scope="module")
+def taken(software_gpu):
+    """Takes pictures of a street with a car and a pedestrian."""
+    town = sensor_worlds.town(sensor_worlds.GROUND, sensor_worlds.WALL)
+    state = sensor_worlds.state(
+        1, vehicles=[(7, (8.0, 1.0, 0.0), 40.0)], walkers=[(8, (4.0, -1.2, 1.0), 90.0)]
+    )
+    cameras = GpuCameras(GpuCaster(software_gpu, 1))
+    light = SkyModel().lighting(Weather(sun_altitude_angle=45.0), 0.0)
+    with WorldSensors(town, threads=1) as sensors:
+        frame = sensors.frame_of(state)
+        yield lambda asked: [one.pictures() for one in cameras.take(frame, light, asked)]
+
+
+def asked(one, products, film=None):
+    return Asked(one, products, film or Film(), motions=no_motion(2))
+
+
+def test_together_as_alone(taken, monkeypatch):
+    colours, everything = [Product.COLOURS], list(Product)
+    wanted = [
+        asked(shot(0.0), everything),
+        asked(shot(72.0), colours),
+        asked(shot(0.0), [Product.COLOURS, Product.DEPTH], Film(gamma=1.4)),
+        asked(shot(-72.0), [Product.TAGS]),
+    ]
+    alone = [taken([one])[0] for one in wanted]
+    together = taken(wanted)
+    monkeypatch.setattr(camera, "_MOST_PIXELS", 2 * WIDTH * HEIGHT)
+    in_groups = taken(wanted)
+    assert len(np.unique(alone[0][Product.COLOURS])) > 50
+    assert not np.array_equal(alone[0][Product.COLOURS], alone[2][Product.COLOURS])
+    for one, other, grouped in zip(alone, together, in_groups, strict=True):
+        assert one.keys() == other.keys() == grouped.keys()
+        for product, picture in one.items():
+            assert np.array_equal(picture, other[product]), product
+            assert np.array_equal(picture, grouped[product]), product
+
+
+def test_a_picture_sampled_in_bands_is_the_same(taken, monkeypatch):
+    (whole,) = taken([asked(shot(0.0), [Product.COLOURS])])
+    # Room for the extra rays of seven rows: the last band has fewer.
+    monkeypatch.setattr(passes, "_MOST_EXTRA", 7 * WIDTH * 2 + 5)
+    (banded,) = taken([asked(shot(0.0, slopes()), [Product.COLOURS])])
+    assert np.array_equal(whole[Product.COLOURS], banded[Product.COLOURS])
+
+
+def test_a_picture_of_too_many_bands_is_refused(taken, monkeypatch):
+    monkeypatch.setattr(passes, "_MOST_EXTRA", 1)
+    monkeypatch.setattr(passes, "_MOST_BANDS", 16)
+    with pytest.raises(ValueError, match="128x80 pixels is too large"):
+        taken([asked(shot(0.0, slopes()), [Product.COLOURS])])

@@ -62,8 +62,6 @@ def main() -> None:
     # Nothing multiplies matrices large enough to be shared out, but NumPy would have a thread for
     # each core wait for some: a tenth of a second of CPU in each of a run's processes.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # Pydantic would read the records of all installed packages, for plug-ins that change models.
-    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     # Imports make objects that stay: to look through them after each 700 takes 30 ms.
     gc.set_threshold(_LOOKS_FOR_GARBAGE_AFTER)
     # What is there at the end ends with the process: Python need not look through it for garbage.

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+import signal
+from typing import Annotated, NoReturn
 
 import typer
 
@@ -41,5 +42,14 @@ def _options(
         enable_debug()
 
 
+def _leave(number: int, _: object) -> NoReturn:
+    """End by an exception: all that was begun is given back, servers and folders among it."""
+    signal.signal(number, signal.SIG_IGN)  # meanwhile
+    raise SystemExit(128 + number)
+
+
 if __name__ == "__main__":
+    for ending in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(ending) is not signal.SIG_IGN:
+            signal.signal(ending, _leave)
     app(prog_name="python -m benchmarks")

@@ -18,7 +18,6 @@ from functools import partial
 from types import TracebackType
 from typing import Protocol
 
-from carstage_sim.drawing import DrawingThread
 from carstage_sim.maps import BackgroundBakes, Bake, MapCatalogue, Town
 from carstage_sim.recording import RecorderController, RecordingsFolder
 from carstage_sim.render.gpu.device import Choice, chosen_gpu
@@ -32,6 +31,7 @@ from carstage_sim.sensors.measurements import SensorFrame, SensorRequest
 from carstage_sim.sensors.occupancy import TYPE_ID as EXACT_VOXELS
 from carstage_sim.sensors.projection import GeoProjection
 from carstage_sim.sensors.sensor import Sensor, SensorRegistry
+from carstage_sim.work_thread import WorkThread
 from carstage_sim.world.actors import Actor
 from carstage_sim.world.blueprints.walkers import uses_wheelchair
 from carstage_sim.world.controls import EpisodeSettings
@@ -154,8 +154,8 @@ class Simulation:
         self._watched_before = False
         self._ahead: Snapshot | None = None
         self._changed_since = False
-        self._drawing = DrawingThread()
-        self._measuring = DrawingThread("measuring")
+        self._drawing = WorkThread("drawing")
+        self._measuring = WorkThread("measuring")
         self._missed: deque[Scene] = deque(maxlen=_MOST_MISSED)
         self._stepped_at_s = time.monotonic()
         self._source = self.maps.source(town_name)

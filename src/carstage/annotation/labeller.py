@@ -1,22 +1,22 @@
-"""Labels of one episode: world snapshots and sensor data in, rows of the label tables out."""
+"""Labels of one episode: world snapshots and sensor data in, rows of the label tables out.
+
+What only objects and cameras need is imported where they need it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carstage.annotation.boxes import MEASURED_TWO_WHEELERS, MeasuredBox, label_box
-from carstage.annotation.camera_rows import camera_rows
 from carstage.annotation.classes import RIDER_TAG, WALKER_CLASSES, object_class
 from carstage.annotation.decoding import decode_instance_bgra
 from carstage.annotation.ego_row import EpisodeFacts, ego_row
 from carstage.annotation.level import Level
-from carstage.annotation.object_rows import VisiblePixels, object_rows
-from carstage.annotation.pixels import ImageEvidence
 from carstage.annotation.point_counts import count_points
 from carstage.annotation.pose_rows import pose_rows
 from carstage.annotation.rig import LabelledCamera, Mount
@@ -34,6 +34,10 @@ from carstage.tags import (
     vehicle_tags,
     walker_tags,
 )
+
+if TYPE_CHECKING:
+    from carstage.annotation.object_rows import VisiblePixels
+    from carstage.annotation.pixels import ImageEvidence
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +83,14 @@ class FrameLabels:
     camera_objects: list[dict[str, Any]]
     ego: dict[str, Any]
     sensor_poses: list[dict[str, Any]]
+
+
+class _Seen(NamedTuple):
+    """What cameras see in a frame: their rows; by object, its pixels and the tag of its rider."""
+
+    rows: list[dict[str, Any]]
+    pixels: dict[int, VisiblePixels]
+    riders: dict[int, int]
 
 
 class EpisodeLabeller:
@@ -189,44 +201,61 @@ class EpisodeLabeller:
         acceleration_valid = world.tick > 0 or self._first_tick_has_past
         points = _count_points(scene, self._lidars, lidar)
         detections = _count_points(scene, self._radars, radar or {})
-        camera_objects: list[dict[str, Any]] = []
-        pixels: dict[int, VisiblePixels] = {}
-        riders: dict[int, int] = {}
-        for camera_id, camera in self._cameras.items():
-            if camera_id not in images:
-                continue
-            evidence = self._evidence(camera, images[camera_id], world.tick)
-            has_points = self._has_points(scene, camera, points)
-            for found in camera_rows(
-                scene, camera, evidence, keys, self._too_near(camera), self._spec, has_points
-            ):
-                camera_objects.append(found.row)
-                if found.is_rider and self._rider_tag is not None:
-                    riders[found.actor_id] = self._rider_tag
-                if found.pixels is not None:
-                    visible, amodal = pixels.get(found.actor_id, (0, 0.0))
-                    pixels[found.actor_id] = (
-                        visible + found.pixels.visible_px,
-                        amodal + found.pixels.amodal_px,
-                    )
-        objects = object_rows(
-            scene,
-            keys,
-            self._ego_id,
-            self._spec.labels,
-            acceleration_valid=acceleration_valid,
-            lidar_points=points,
-            radar_points=detections,
-            pixels=pixels,
-            riders=riders,
-        )
+        seen = _Seen([], {}, {})
+        if images:
+            seen = self._seen(scene, images, points, keys)
+        objects: list[dict[str, Any]] = []
+        if scene.facts:
+            from carstage.annotation.object_rows import object_rows
+
+            objects = object_rows(
+                scene,
+                keys,
+                self._ego_id,
+                self._spec.labels,
+                acceleration_valid=acceleration_valid,
+                lidar_points=points,
+                radar_points=detections,
+                pixels=seen.pixels,
+                riders=seen.riders,
+            )
         ego: dict[str, Any] = {}
         if self._spec.ground_truth.ego_motion:
             ego = ego_row(
                 world, ego_row_index, keys, self._episode, acceleration_valid=acceleration_valid
             )
         poses = pose_rows(scene, self._mounts, self._carriers, keys)
-        return FrameLabels(objects, camera_objects, ego, poses)
+        return FrameLabels(objects, seen.rows, ego, poses)
+
+    def _seen(
+        self,
+        scene: Scene,
+        images: Mapping[str, CameraImages],
+        points: Mapping[int, list[tuple[str, int]]],
+        keys: Mapping[str, Any],
+    ) -> _Seen:
+        """What the labelled cameras that have an image see of the objects."""
+        from carstage.annotation.camera_rows import camera_rows
+
+        seen = _Seen([], {}, {})
+        for camera_id, camera in self._cameras.items():
+            if camera_id not in images:
+                continue
+            evidence = self._evidence(camera, images[camera_id], scene.world.tick)
+            has_points = self._has_points(scene, camera, points)
+            for found in camera_rows(
+                scene, camera, evidence, keys, self._too_near(camera), self._spec, has_points
+            ):
+                seen.rows.append(found.row)
+                if found.is_rider and self._rider_tag is not None:
+                    seen.riders[found.actor_id] = self._rider_tag
+                if found.pixels is not None:
+                    visible, amodal = seen.pixels.get(found.actor_id, (0, 0.0))
+                    seen.pixels[found.actor_id] = (
+                        visible + found.pixels.visible_px,
+                        amodal + found.pixels.amodal_px,
+                    )
+        return seen
 
     def _has_points(
         self,
@@ -313,6 +342,8 @@ class EpisodeLabeller:
 
     def _evidence(self, camera: LabelledCamera, images: CameraImages, tick: int) -> ImageEvidence:
         shape = (camera.height, camera.width)
+        from carstage.annotation.pixels import ImageEvidence
+
         instance_id, tag = None, images.semantic_tag
         if images.instance_bgra is not None and self._spec.labels.pixels:
             ids, instance_tag = decode_instance_bgra(images.instance_bgra)

@@ -53,8 +53,6 @@ def object_rows(
         pixels: by actor id; actors that no camera can see are left out.
         riders: by id of their two-wheelers, the tag of riders that a camera sees.
     """
-    if not scene.facts:  # a recording without objects' labels: all that follows is of none
-        return []
     to_ego = scene.ego_from_world[:3, :3]
     box_rotation = scene.world_from_box[:, :3, :3]
     box_center = scene.world_from_box[:, :3, 3]

@@ -97,6 +97,9 @@ def build_scene(
         facts: the same actors' static facts.
         ego_row: the ego's row.
     """
+    world_from_ego = pose_matrix(world.location[ego_row], world.rotation_deg[ego_row])
+    if not facts:
+        return _scene_of_nobody(world, world_from_ego)
     index = np.array(rows, dtype=np.int64)
     count = len(index)
     valid = np.array([fact.box.valid for fact in facts], dtype=np.bool_)
@@ -111,7 +114,6 @@ def build_scene(
     ground = np.where(sinks, pivot, bottom)
     actor = pose_matrix(world.location[index], world.rotation_deg[index])
     world_from_box = multiply(actor, pose_matrix(location, rotation))
-    world_from_ego = pose_matrix(world.location[ego_row], world.rotation_deg[ego_row])
     return Scene(
         world=world,
         facts=facts,
@@ -125,6 +127,27 @@ def build_scene(
         extent=extent,
         ground=ground,
         corners=box_corners(world_from_box, extent),
+        world_from_ego=world_from_ego,
+        ego_from_world=invert_pose(world_from_ego),
+    )
+
+
+def _scene_of_nobody(world: WorldFrame, world_from_ego: FloatArray) -> Scene:
+    """A recording without objects' labels: to turn and multiply nothing takes time, too."""
+    vectors, matrices = np.zeros((0, 3)), np.zeros((0, 4, 4))
+    return Scene(
+        world=world,
+        facts=(),
+        location=vectors,
+        rotation_deg=vectors,
+        velocity=vectors,
+        acceleration=vectors,
+        angular_velocity_deg=vectors,
+        valid=np.zeros(0, dtype=np.bool_),
+        world_from_box=matrices,
+        extent=vectors,
+        ground=np.zeros(0),
+        corners=np.zeros((0, 8, 3)),
         world_from_ego=world_from_ego,
         ego_from_world=invert_pose(world_from_ego),
     )

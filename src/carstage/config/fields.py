@@ -6,7 +6,7 @@ The same declaration drives the YAML file, its check, the reference page and, la
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import Annotated, Any, ClassVar
 
 from pydantic import (
@@ -128,6 +128,22 @@ class Section(BaseModel):
     )
     #: keys of other spellings, accepted by the model's own validators.
     other_keys: ClassVar[frozenset[str]] = frozenset()
+
+    def by_key(self, *, without: Collection[str] = ()) -> dict[str, Any]:
+        """What it holds by key, sections as they are, without what is None by default.
+
+        Of a section without sections it is what ``model_dump`` gives, for which pydantic first
+        makes a serializer of this section alone.
+
+        Args:
+            without: keys to leave out.
+        """
+        fields = type(self).model_fields
+        return {
+            name: value
+            for name, value in self
+            if name not in without and (value is not None or fields[name].default is not None)
+        }
 
     @model_serializer(mode="wrap")
     def _leave_out_what_is_not_set(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:

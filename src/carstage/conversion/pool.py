@@ -97,7 +97,8 @@ def import_libraries(pictures: bool) -> None:
             importlib.import_module(f"carstage.conversion.{name}")
         from carstage.codecs.images import RgbRunsPng
 
-        importlib.import_module("carstage.annotation.pixel_kernel")
+        for name in ("camera_rows", "object_rows", "pixel_kernel"):
+            importlib.import_module(f"carstage.annotation.{name}")
         # The first call of compiled code takes as long as the imports.
         RgbRunsPng().encode({"width": 1, "height": 1}, memoryview(bytes(4)))
 

@@ -8,8 +8,6 @@ from typing import Any
 
 import pyarrow as pa
 
-from carstage.annotation.controls import control_rows
-from carstage.annotation.events import event_rows
 from carstage.annotation.schema import (
     CONTROL_COLUMNS,
     CONTROLS,
@@ -120,12 +118,16 @@ class _EpisodeWriter:
         """Write the table of events, where any are planned."""
         log = self._log
         if log.spec.scenario.planned_events():
+            from carstage.annotation.events import event_rows
+
             rows = event_rows(log.spec, self._ticks(), actors, int(log.header["ego_id"]))
             self._write_table(rows_to_table(rows, EVENT_COLUMNS, EVENTS), EVENTS)
 
     def write_controls(self) -> None:
         """Write the table of the driver's commands, where the ego has a driver of its own."""
         if self._log.spec.ego.driver is not None:
+            from carstage.annotation.controls import control_rows
+
             rows = control_rows(self._log.spec, self._ticks())
             self._write_table(rows_to_table(rows, CONTROL_COLUMNS, CONTROLS), CONTROLS)
 

@@ -291,17 +291,17 @@ class _Planner:
             "pedestrians": once(
                 "pedestrians",
                 (config.pedestrians,),
-                lambda: PedestriansSpec(**config.pedestrians.model_dump()),
+                lambda: PedestriansSpec(**config.pedestrians.by_key()),
             ),
             "traffic": once(
-                "traffic", (config.traffic,), lambda: TrafficSpec(**config.traffic.model_dump())
+                "traffic", (config.traffic,), lambda: TrafficSpec(**config.traffic.by_key())
             ),
             "sensors": once("sensors", rig, lambda: plan_sensors(config)),
             "labels": once("labels", (config.labels,), lambda: _labels(config.labels)),
             "ground_truth": once(
                 "ground_truth",
                 (config.ground_truth,),
-                lambda: GroundTruthSpec(**config.ground_truth.model_dump()),
+                lambda: GroundTruthSpec(**config.ground_truth.by_key()),
             ),
             "max_distance_m": config.max_distance_m,
             "min_lidar_points": config.min_lidar_points,
@@ -393,18 +393,18 @@ def _timing(timing: Timing, fps: float) -> TimingSpec:
 
 
 def _vehicles(vehicles: Vehicles) -> VehiclesSpec:
-    groups = tuple(GroupSpec(**group.model_dump()) for group in vehicles.groups)
-    return VehiclesSpec(**vehicles.model_dump(exclude={"groups"}), groups=groups)
+    groups = tuple(GroupSpec(**group.by_key()) for group in vehicles.groups)
+    return VehiclesSpec(**vehicles.by_key(without={"groups"}), groups=groups)
 
 
 def _labels(labels: Labels) -> LabelsSpec:
     birds_eye, occupancy = labels.birds_eye, labels.occupancy
     return LabelsSpec(
-        **labels.model_dump(exclude=_READ_OTHERWISE),
+        **labels.by_key(without=_READ_OTHERWISE),
         boxes=tuple(sorted(set(labels.boxes))),
         level_objects=tuple(sorted(set(labels.level_objects))),
-        birds_eye=None if birds_eye is None else BirdsEyeSpec(**birds_eye.model_dump()),
-        occupancy=None if occupancy is None else OccupancySpec(**occupancy.model_dump()),
+        birds_eye=None if birds_eye is None else BirdsEyeSpec(**birds_eye.by_key()),
+        occupancy=None if occupancy is None else OccupancySpec(**occupancy.by_key()),
     )
 
 

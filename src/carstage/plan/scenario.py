@@ -186,7 +186,7 @@ def _storyboard(config: Config, recording: Storyboard) -> StoryboardSpec:
 
 def _events(events: Sequence[Event]) -> tuple[EventSpec, ...] | None:
     """None for no event, so that episodes without any keep their ids."""
-    asked = (event.model_dump() for event in events)
+    asked = (event.by_key() for event in events)
     return tuple(EVENT_SPECS[event.pop("kind")](**event) for event in asked) or None
 
 

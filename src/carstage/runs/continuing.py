@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import platform
 from collections.abc import Collection, Iterator, Mapping
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from carstage import __version__
 from carstage.config import check_config, dump_config
 from carstage.errors import BadInputError, ConfigError
+from carstage.packages import installed_version
 from carstage.runs.reading import read_document
 from carstage.storage import DatasetPath
 
@@ -42,7 +42,7 @@ def environment_of(server: str, client: str) -> dict[str, str]:
     """
     made_with = {"carstage": __version__, "server": server, "client": client}
     made_with["python"] = ".".join(platform.python_version_tuple()[:2])
-    return made_with | {name: version(name) for name in _PACKAGES}
+    return made_with | {name: installed_version(name) for name in _PACKAGES}
 
 
 def refuse_to_mix(

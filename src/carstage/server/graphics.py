@@ -6,7 +6,6 @@ import os
 import subprocess
 from collections.abc import Collection
 from dataclasses import dataclass
-from xml.etree import ElementTree
 
 import psutil
 
@@ -39,8 +38,13 @@ def graphics_cards() -> tuple[GraphicsCard, ...]:
         listed = subprocess.run(
             _COMMAND, stdin=subprocess.DEVNULL, capture_output=True, timeout=_TIMEOUT_S, check=True
         )
+    except (OSError, subprocess.SubprocessError):
+        return ()
+    from xml.etree import ElementTree
+
+    try:
         root = ElementTree.fromstring(listed.stdout)
-    except (OSError, subprocess.SubprocessError, ElementTree.ParseError):
+    except ElementTree.ParseError:
         return ()
     return tuple(
         GraphicsCard(

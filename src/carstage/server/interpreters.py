@@ -8,7 +8,6 @@ imported the wheel.
 from __future__ import annotations
 
 import hashlib
-import importlib.metadata
 import importlib.util
 import os
 import shutil
@@ -17,12 +16,14 @@ import sys
 import tempfile
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError
 from itertools import chain
 from pathlib import Path
 
 from carstage.cache import cache_folder, home_folder, keep_in_cache
 from carstage.errors import BadInputError, ServerError
 from carstage.files.home import without_tilde
+from carstage.packages import installed_version
 from carstage.releases import CLIENT_PYTHONS, Release, client_release, release_of
 
 AUTO = "auto"
@@ -268,8 +269,8 @@ def _wheel_in(python: Path) -> str | None:
     """Version of the client wheel that an interpreter has; None for none."""
     if python == Path(sys.executable):
         try:
-            return importlib.metadata.version("carla")
-        except importlib.metadata.PackageNotFoundError:
+            return installed_version("carla")
+        except PackageNotFoundError:
             return None
     return _output(python, _WHEEL)
 

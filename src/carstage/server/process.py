@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import tempfile
 import threading
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
+
+from carstage.files.scratch import Scratch
 
 STOP_S = 10.0
 KILL_S = 10.0
@@ -41,10 +42,8 @@ class ServerProcess:
         self._seen = threading.Event()
         self._ended = threading.Event()
         if log_path is None:
-            handle, name = tempfile.mkstemp(prefix="carstage-server-", suffix=".log")
-            os.close(handle)
-            self._temporary_log: Path | None = Path(name)
-            self.log_path = Path(name)
+            self._temporary_log: Scratch | None = Scratch("carstage-server-", ".log", folder=False)
+            self.log_path = self._temporary_log.path
         else:
             self._temporary_log = None
             self.log_path = log_path
@@ -121,7 +120,7 @@ class ServerProcess:
                 with suppress(BrokenPipeError):
                     stream.close()
         if self._temporary_log is not None:
-            self._temporary_log.unlink(missing_ok=True)
+            self._temporary_log.remove()
 
     def _signal(self, number: signal.Signals) -> None:
         with suppress(ProcessLookupError):

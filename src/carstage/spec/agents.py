@@ -16,6 +16,7 @@ from carstage.spec.plain import LEFT_OUT
 from carstage.spec.scenario import AutopilotSpec
 from carstage.spec.scene import EgoSpec
 from carstage.spec.sensors import PoseSpec, SensorSpec, read_pose, read_sensors
+from carstage.spec.values import Value
 
 if TYPE_CHECKING:
     from carstage.spec.episode import EpisodeSpec
@@ -37,8 +38,8 @@ _OF_AGENT = "@"
 """Stands in no id of a sensor."""
 
 
-@dataclass(frozen=True)
-class AgentSeeds:
+@dataclass(frozen=True, eq=False, repr=False)
+class AgentSeeds(Value):
     """One integer per consumer of randomness."""
 
     looks: int
@@ -50,8 +51,8 @@ class AgentSeeds:
         return cls(*(section.integer(name, 0, MAX_SEED) for name in ("looks", "sensor_noise")))
 
 
-@dataclass(frozen=True)
-class JunctionSpec:
+@dataclass(frozen=True, eq=False, repr=False)
+class JunctionSpec(Value):
     """A mast at a junction, from which an agent looks at the junction's middle.
 
     The collector finds the place in the map: see ``carstage.collector.junctions``.
@@ -85,8 +86,8 @@ class JunctionSpec:
         )
 
 
-@dataclass(frozen=True)
-class AgentSpec:
+@dataclass(frozen=True, eq=False, repr=False)
+class AgentSpec(Value):
     """An agent beside the ego.
 
     Attributes:

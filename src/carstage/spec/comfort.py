@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Dict, Tuple
 
 from carstage.spec.fields import Fields
+from carstage.spec.values import Value
 
 COMFORT_RANGES: Dict[str, Tuple[float, float]] = {
     "acceleration_m_s2": (0.5, 3.0),
@@ -16,8 +17,8 @@ COMFORT_RANGES: Dict[str, Tuple[float, float]] = {
 """Least and most of each limit, in the order of :class:`ComfortSpec`."""
 
 
-@dataclass(frozen=True)
-class ComfortSpec:
+@dataclass(frozen=True, eq=False, repr=False)
+class ComfortSpec(Value):
     """What the people in a vehicle are to feel at most, as long as nothing surprises it.
 
     Attributes:

@@ -7,6 +7,7 @@ from typing import Any, Dict, Mapping, NamedTuple, Optional, Tuple, Type, Union
 
 from carstage.spec.fields import Fields, SpecError, is_number, shown
 from carstage.spec.plain import LEFT_OUT
+from carstage.spec.values import Value
 
 LEFT, STRAIGHT, RIGHT = "left", "straight", "right"
 TURNS = (LEFT, STRAIGHT, RIGHT)
@@ -28,7 +29,7 @@ class Command(NamedTuple):
     gear: int
 
 
-class DriverSpec:
+class DriverSpec(Value):
     """Who drives the ego.
 
     Attributes:
@@ -47,7 +48,7 @@ def _named(kind: str) -> Any:
     return field(default=kind, init=False)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class RouteDriverSpec(DriverSpec):
     """Car-STAGE's own controller follows the scenario's route, or the road.
 
@@ -69,7 +70,7 @@ class RouteDriverSpec(DriverSpec):
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class ClassDriverSpec(DriverSpec):
     """A class of the user's drives.
 
@@ -91,7 +92,7 @@ class ClassDriverSpec(DriverSpec):
         return cls(name=name, parameters=read_parameters(section))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class DeviceDriverSpec(DriverSpec):
     """A person drives.
 
@@ -122,7 +123,7 @@ class DeviceDriverSpec(DriverSpec):
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class ReplayDriverSpec(DriverSpec):
     """The commands of an earlier episode drive once more.
 

@@ -12,6 +12,7 @@ from typing import Dict, List, NamedTuple, Optional, Tuple, Type, Union
 
 from carstage.spec.fields import Fields, SpecError
 from carstage.spec.plain import LEFT_OUT
+from carstage.spec.values import Value
 
 Point = Tuple[float, float, float]
 """x, y, z (m)."""
@@ -43,8 +44,8 @@ class Wanted(NamedTuple):
     heading_deg: float
 
 
-@dataclass(frozen=True)
-class WaypointsSpec:
+@dataclass(frozen=True, eq=False, repr=False)
+class WaypointsSpec(Value):
     """Straight legs from point to point at one speed; at the last one the drone hovers.
 
     Attributes:
@@ -100,8 +101,8 @@ class WaypointsSpec:
         return self.points[0] if self.loop else self.points[-1]
 
 
-@dataclass(frozen=True)
-class OrbitSpec:
+@dataclass(frozen=True, eq=False, repr=False)
+class OrbitSpec(Value):
     """A circle in one height around a point of the map, or around the ego.
 
     Attributes:
@@ -156,8 +157,8 @@ class OrbitSpec:
         return Wanted(place, (angle_deg + turn * 90.0) % 360.0)
 
 
-@dataclass(frozen=True)
-class FollowSpec:
+@dataclass(frozen=True, eq=False, repr=False)
+class FollowSpec(Value):
     """A place that goes along with the ego.
 
     Attributes:
@@ -204,8 +205,8 @@ DRONE_PATHS: Dict[str, Type[DronePath]] = {
 }
 
 
-@dataclass(frozen=True)
-class GimbalSpec:
+@dataclass(frozen=True, eq=False, repr=False)
+class GimbalSpec(Value):
     """Where what carries the sensors is turned to; it is always level from side to side.
 
     Attributes:
@@ -245,8 +246,8 @@ class GimbalSpec:
         return _not_upright(degrees(atan2(target[2] - place[2], level_m))), yaw_deg
 
 
-@dataclass(frozen=True)
-class DroneSpec:
+@dataclass(frozen=True, eq=False, repr=False)
+class DroneSpec(Value):
     """How a drone flies and where its gimbal is turned to.
 
     Attributes:

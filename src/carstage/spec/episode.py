@@ -23,6 +23,7 @@ from carstage.spec.scenario import ScenarioSpec, read_scenario
 from carstage.spec.scene import EgoSpec, WeatherSpec
 from carstage.spec.sensors import SensorSpec, read_sensors
 from carstage.spec.timing import SavedSteps, TimingSpec
+from carstage.spec.values import Value
 from carstage.spec.variants import VariantSpec
 
 SPEC_VERSION = 1
@@ -31,8 +32,8 @@ _MAX_SEED = 2**32 - 1
 _VERSION = re.compile(r"\d+\.\d+\.\d+\Z")
 
 
-@dataclass(frozen=True)
-class Seeds:
+@dataclass(frozen=True, eq=False, repr=False)
+class Seeds(Value):
     """One integer per consumer of randomness. The order is part of how they are drawn."""
 
     traffic_manager: int
@@ -48,8 +49,8 @@ class Seeds:
         return cls(*(section.integer(seed.name, 0, _MAX_SEED) for seed in fields(cls)))
 
 
-@dataclass(frozen=True)
-class EpisodeSpec:
+@dataclass(frozen=True, eq=False, repr=False)
+class EpisodeSpec(Value):
     """One episode; attributes are the keys of the JSON form.
 
     Attributes:

@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Dict, Iterable, List, Optional, Tuple, Type, T
 
 from carstage.sensor_kinds import InstalledModules
 from carstage.spec.fields import Fields
+from carstage.spec.values import Value
 
 ENTRY_POINT_GROUP = "carstage.events"
 """Group of entry points; each names a module that registers kinds of events."""
@@ -56,8 +57,8 @@ def named(kind: str) -> Any:
 EventClass = TypeVar("EventClass", bound="EventSpec")
 
 
-@dataclass(frozen=True)
-class EventSpec:
+@dataclass(frozen=True, eq=False, repr=False)
+class EventSpec(Value):
     """One event.
 
     Attributes:
@@ -94,7 +95,7 @@ class EventSpec:
         return {each.name: getattr(self, each.name) for each in fields(self) if each.init}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class PedestrianCrosses(EventSpec):
     """A pedestrian waits at the kerb ahead and crosses before the ego.
 
@@ -114,7 +115,7 @@ class PedestrianCrosses(EventSpec):
     parked_car: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class HardBrakingLeader(EventSpec):
     """A car drives ahead of the ego and brakes to a stop.
 
@@ -132,7 +133,7 @@ class HardBrakingLeader(EventSpec):
     stand_s: float = quantity(3.0, 0.0, 300.0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class CutIn(EventSpec):
     """A car beside the ego's lane moves over, closely ahead, and drives slower.
 
@@ -148,7 +149,7 @@ class CutIn(EventSpec):
     slower_m_s: float = quantity(2.0, 0.0, 15.0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class StoppedVehicle(EventSpec):
     """A car stands in the ego's lane with its hazard lights on, then drives on.
 
@@ -164,7 +165,7 @@ class StoppedVehicle(EventSpec):
     stand_s: float = quantity(5.0, 0.0, 300.0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class OncomingOvertaker(EventSpec):
     """A car that comes towards the ego passes another one in the ego's lane.
 
@@ -182,7 +183,7 @@ class OncomingOvertaker(EventSpec):
     change_s: float = quantity(1.2, 0.5, 5.0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class EmergencyVehicle(EventSpec):
     """An emergency vehicle comes from behind with flashing lamps, and passes or follows the ego.
 
@@ -202,7 +203,7 @@ class EmergencyVehicle(EventSpec):
     follow_s: float = quantity(5.0, 0.0, 60.0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class WrongWayCyclist(EventSpec):
     """A cyclist rides against the traffic, near the kerb of the ego's lane.
 
@@ -220,7 +221,7 @@ class WrongWayCyclist(EventSpec):
     kerb_m: float = quantity(0.1, 0.0, 1.5)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class RedLightRunner(EventSpec):
     """A car crosses the ego's junction against red, while the ego has green.
 
@@ -236,7 +237,7 @@ class RedLightRunner(EventSpec):
     before_s: float = quantity(1.0, -3.0, 5.0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class WorksZone(EventSpec):
     """Cones, a barrier and a sign narrow or close the ego's lane.
 

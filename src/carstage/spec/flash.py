@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields
 from typing import Any, Dict
 
 from carstage.spec.fields import Fields
+from carstage.spec.values import Value
 
 FIRST, STRONGEST, LAST, DUAL, ALL = "first", "strongest", "last", "dual", "all"
 RETURNS = (FIRST, STRONGEST, LAST, DUAL, ALL)
@@ -16,8 +17,8 @@ MOST_SAMPLES = 9
 MOST_RAYS = 4_000_000
 
 
-@dataclass(frozen=True)
-class FlashSpec:
+@dataclass(frozen=True, eq=False, repr=False)
+class FlashSpec(Value):
     """What a flash LiDAR measures; formulas: ``docs/formats/flash-lidar.md``.
 
     Attributes:

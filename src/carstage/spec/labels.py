@@ -8,6 +8,7 @@ from typing import List, Optional, Tuple
 from carstage.spec.fields import Fields, SpecError
 from carstage.spec.occupancy import OccupancySpec
 from carstage.spec.plain import LEFT_OUT
+from carstage.spec.values import Value
 
 METHODS = ("stage_vo", "pixels", "both")
 BOXES = ("2d", "3d")
@@ -40,8 +41,8 @@ MOST_CELLS = 2000
 """Of a bird's-eye grid, along each side."""
 
 
-@dataclass(frozen=True)
-class GroundTruthSpec:
+@dataclass(frozen=True, eq=False, repr=False)
+class GroundTruthSpec(Value):
     """Who is labelled, and whether the ego's motion is written."""
 
     vehicles: bool = True
@@ -55,8 +56,8 @@ class GroundTruthSpec:
         return cls(**{name: fields.flag(name) for name in names if name in fields})
 
 
-@dataclass(frozen=True)
-class BirdsEyeSpec:
+@dataclass(frozen=True, eq=False, repr=False)
+class BirdsEyeSpec(Value):
     """Bird's-eye grids around the ego.
 
     Attributes:
@@ -92,8 +93,8 @@ class BirdsEyeSpec:
         return found
 
 
-@dataclass(frozen=True)
-class LabelsSpec:
+@dataclass(frozen=True, eq=False, repr=False)
+class LabelsSpec(Value):
     """Label settings.
 
     Attributes:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Tuple
 
 from carstage.spec.fields import Fields, SpecError
+from carstage.spec.values import Value
 
 PINHOLE = "pinhole"
 BROWN_CONRADY = "brown_conrady"
@@ -21,8 +22,8 @@ FACE_SUFFIXES = tuple(face[0] for face in FACES[1:])
 """Ids of the other faces' sensors end with a dot and one of these."""
 
 
-@dataclass(frozen=True)
-class LensSpec:
+@dataclass(frozen=True, eq=False, repr=False)
+class LensSpec(Value):
     """A camera model in pixels of its picture; optical axes: x right, y down, z forward.
 
     Attributes:

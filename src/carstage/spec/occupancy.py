@@ -8,6 +8,7 @@ from typing import List, Tuple
 from carstage.spec.fields import Fields, SpecError
 from carstage.spec.plain import LEFT_OUT
 from carstage.spec.sensors import EGO
+from carstage.spec.values import Value
 
 MOST_VOXELS = 1 << 22
 """Of one frame."""
@@ -16,8 +17,8 @@ LENGTHS = (*(name for pair in _SIDES for name in pair), "resolution_m")
 """The fields that say how far voxels reach, and how large they are."""
 
 
-@dataclass(frozen=True)
-class OccupancySpec:
+@dataclass(frozen=True, eq=False, repr=False)
+class OccupancySpec(Value):
     """Voxels around the ego or a sensor; the defaults are those of Occ3D-nuScenes.
 
     Attributes:

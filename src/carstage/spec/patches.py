@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, Optional, Sequence, Tuple
 
 from carstage.spec.fields import Fields, SpecError
 from carstage.spec.plain import LEFT_OUT
+from carstage.spec.values import Value
 
 BILLBOARD, SHOP_FRONT, VEHICLE_REAR, PERSON = "billboard", "shop_front", "vehicle_rear", "person"
 TARGETS = (BILLBOARD, SHOP_FRONT, VEHICLE_REAR, PERSON)
@@ -40,8 +41,8 @@ GROUND = (186, 186, 182)
 _BYTES = 4 * PICTURE_PX * PICTURE_PX
 
 
-@dataclass(frozen=True)
-class PatchPicture:
+@dataclass(frozen=True, eq=False, repr=False)
+class PatchPicture(Value):
     """What a patch shows.
 
     Attributes:
@@ -73,8 +74,8 @@ class PatchPicture:
         return base64.b64decode(self.rgb)
 
 
-@dataclass(frozen=True)
-class PatchSpec:
+@dataclass(frozen=True, eq=False, repr=False)
+class PatchSpec(Value):
     """One patch.
 
     Attributes:

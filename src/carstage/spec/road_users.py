@@ -7,6 +7,7 @@ from typing import Dict, Optional, Tuple, Union
 
 from carstage.spec.fields import Fields
 from carstage.spec.plain import LEFT_OUT
+from carstage.spec.values import Value
 
 ALL_GENERATIONS = "all"
 _SHORTFALLS = ("warn", "fail", "fill")
@@ -15,8 +16,8 @@ Spread = Union[float, Tuple[float, float]]
 """A number for all vehicles, or the two ends between which each draws its own."""
 
 
-@dataclass(frozen=True)
-class GroupSpec:
+@dataclass(frozen=True, eq=False, repr=False)
+class GroupSpec(Value):
     """So many actors of these blueprints.
 
     Attributes:
@@ -41,8 +42,8 @@ class GroupSpec:
         )
 
 
-@dataclass(frozen=True)
-class VehiclesSpec:
+@dataclass(frozen=True, eq=False, repr=False)
+class VehiclesSpec(Value):
     """Vehicles besides the ego.
 
     Attributes:
@@ -82,8 +83,8 @@ class VehiclesSpec:
         return sum(group.count for group in self.all_groups)
 
 
-@dataclass(frozen=True)
-class PedestriansSpec:
+@dataclass(frozen=True, eq=False, repr=False)
+class PedestriansSpec(Value):
     """Pedestrians, led by CARLA's walker controllers; shares in per cent, the rest as vehicles."""
 
     count: int
@@ -117,8 +118,8 @@ class PedestriansSpec:
         return GroupSpec(self.count, self.filter, None, self.generation)
 
 
-@dataclass(frozen=True)
-class TrafficSpec:
+@dataclass(frozen=True, eq=False, repr=False)
+class TrafficSpec(Value):
     """How the Traffic Manager drives.
 
     Attributes:

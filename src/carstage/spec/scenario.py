@@ -12,6 +12,7 @@ from carstage.spec.plain import LEFT_OUT, plain
 from carstage.spec.scene import Place
 from carstage.spec.story_parts import StoryPart, story_parts
 from carstage.spec.storyboard import StoryAct, StoryEntity, Trigger, read_trigger
+from carstage.spec.values import Value
 
 Pose = Tuple[float, ...]
 """x, y, z (m), pitch, yaw, roll (deg) in CARLA's world axes."""
@@ -29,7 +30,7 @@ class Control(NamedTuple):
     gear: float
 
 
-class ScenarioSpec:
+class ScenarioSpec(Value):
     """What the ego does.
 
     Attributes:
@@ -57,7 +58,7 @@ class ScenarioSpec:
         return {"kind": self.json_kind, **plain(self)}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class AutopilotSpec(ScenarioSpec):
     """The Traffic Manager drives the ego through town."""
 
@@ -71,7 +72,7 @@ class AutopilotSpec(ScenarioSpec):
         return cls(read_events(fields))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class StationarySpec(ScenarioSpec):
     """The ego stands with its hand brake on; the others drive."""
 
@@ -80,7 +81,7 @@ class StationarySpec(ScenarioSpec):
     json_kind = "hold"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class RouteSpec(ScenarioSpec):
     """The Traffic Manager drives the ego through spawn points and places, in this order."""
 
@@ -105,8 +106,8 @@ class RouteSpec(ScenarioSpec):
         return cls(tuple(places), read_events(fields))
 
 
-@dataclass(frozen=True)
-class ReplayedActor:
+@dataclass(frozen=True, eq=False, repr=False)
+class ReplayedActor(Value):
     """A road user of a recorded episode.
 
     Attributes:
@@ -123,7 +124,7 @@ class ReplayedActor:
     controls: Optional[Tuple[Control, ...]] = field(default=None, metadata=LEFT_OUT)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class ReplaySpec(ScenarioSpec):
     """All road users move as in a recorded episode; the ego is the first of ``actors``."""
 
@@ -149,7 +150,7 @@ class ReplaySpec(ScenarioSpec):
         return cls(fields.text("episode_id"), actors)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class ScenicSpec(ScenarioSpec):
     """A Scenic program places and moves everybody.
 
@@ -178,7 +179,7 @@ class ScenicSpec(ScenarioSpec):
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class OpenScenarioSpec(ScenarioSpec):
     """scenario_runner plays an OpenSCENARIO file.
 
@@ -204,7 +205,7 @@ class OpenScenarioSpec(ScenarioSpec):
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class StoryboardSpec(ScenarioSpec):
     """Car-STAGE itself plays an OpenSCENARIO file; the ego is the first of ``entities``."""
 
@@ -228,7 +229,7 @@ class StoryboardSpec(ScenarioSpec):
         return story_parts(self.acts)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class RecordedSpec(ScenarioSpec):
     """Another program made the ticks and moved everybody; this was recorded beside it.
 

@@ -9,21 +9,22 @@ from carstage.spec.comfort import ComfortSpec
 from carstage.spec.drivers import DriverSpec, read_driver
 from carstage.spec.fields import Fields, SpecError
 from carstage.spec.plain import LEFT_OUT
+from carstage.spec.values import Value
 
 _COLOUR_MAX = 255
 _SLACK_S = 1e-6
 
 
-@dataclass(frozen=True)
-class Place:
+@dataclass(frozen=True, eq=False, repr=False)
+class Place(Value):
     """A place on the map in CARLA's world axes (m); the height is the road's."""
 
     x_m: float
     y_m: float
 
 
-@dataclass(frozen=True)
-class Stand:
+@dataclass(frozen=True, eq=False, repr=False)
+class Stand(Value):
     """A place and a heading in CARLA's world axes: metres and degrees."""
 
     x_m: float
@@ -32,8 +33,8 @@ class Stand:
     yaw_deg: float
 
 
-@dataclass(frozen=True)
-class WeatherChange:
+@dataclass(frozen=True, eq=False, repr=False)
+class WeatherChange(Value):
     """The weather from ``at_s`` on: a preset (or none) and values that override it."""
 
     at_s: float
@@ -41,8 +42,8 @@ class WeatherChange:
     parameters: Mapping[str, float]
 
 
-@dataclass(frozen=True)
-class WeatherSpec:
+@dataclass(frozen=True, eq=False, repr=False)
+class WeatherSpec(Value):
     """The weather at the first step, what it becomes later, and when lamps shine.
 
     Attributes:
@@ -93,8 +94,8 @@ class WeatherSpec:
         return WeatherChange(0.0, self.preset, self.parameters)
 
 
-@dataclass(frozen=True)
-class EgoSpec:
+@dataclass(frozen=True, eq=False, repr=False)
+class EgoSpec(Value):
     """What carries the sensors of the ego, or of an agent beside it.
 
     Attributes:

@@ -10,6 +10,7 @@ from carstage.spec.fields import Fields, SpecError
 from carstage.spec.flash import FlashSpec
 from carstage.spec.lenses import LensSpec
 from carstage.spec.plain import LEFT_OUT
+from carstage.spec.values import Value
 
 EGO = "ego"
 ON_MAP = "world"
@@ -19,8 +20,8 @@ SPRING_ARMS = ("spring_arm", "spring_arm_ghost")
 ATTACHMENTS = (RIGID, FOLLOW, *SPRING_ARMS)
 
 
-@dataclass(frozen=True)
-class PoseSpec:
+@dataclass(frozen=True, eq=False, repr=False)
+class PoseSpec(Value):
     """Pose of a sensor on its carrier, or on the map: CARLA's left-handed axes, m and degrees."""
 
     x_m: float
@@ -37,8 +38,8 @@ def read_pose(fields: Fields) -> PoseSpec:
     return PoseSpec(*(fields.number(name) for name in names))
 
 
-@dataclass(frozen=True)
-class SensorSpec:
+@dataclass(frozen=True, eq=False, repr=False)
+class SensorSpec(Value):
     """A sensor to spawn.
 
     Attributes:

@@ -13,12 +13,13 @@ from carstage.spec.storyboard import (
     StoryManeuver,
     StorySpeed,
 )
+from carstage.spec.values import Value
 
 STORY_EVENT, STORY_ACTION = "storyboard_event", "storyboard_action"
 
 
-@dataclass(frozen=True)
-class StoryPart:
+@dataclass(frozen=True, eq=False, repr=False)
+class StoryPart(Value):
     """An event of a storyboard, or one of its actions, as a row of ``events.parquet``.
 
     Attributes:

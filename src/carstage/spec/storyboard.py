@@ -10,6 +10,7 @@ from typing import Mapping, Optional, Tuple, Union
 
 from carstage.spec.fields import Fields, SpecError
 from carstage.spec.plain import LEFT_OUT
+from carstage.spec.values import Value
 
 RULES = ("lessThan", "lessOrEqual", "equalTo", "notEqualTo", "greaterOrEqual", "greaterThan")
 EDGES = ("none", "rising", "falling", "risingOrFalling")
@@ -38,8 +39,8 @@ CONDITIONS = (
 )
 
 
-@dataclass(frozen=True)
-class WorldPlace:
+@dataclass(frozen=True, eq=False, repr=False)
+class WorldPlace(Value):
     """A place in the world; its height counts only where no lane is below it."""
 
     kind: str = field(default="world", init=False)
@@ -49,8 +50,8 @@ class WorldPlace:
     yaw_deg: float = 0.0
 
 
-@dataclass(frozen=True)
-class LanePlace:
+@dataclass(frozen=True, eq=False, repr=False)
+class LanePlace(Value):
     """A place of a lane.
 
     Attributes:
@@ -66,8 +67,8 @@ class LanePlace:
     yaw_deg: float = 0.0
 
 
-@dataclass(frozen=True)
-class RelativeLanePlace:
+@dataclass(frozen=True, eq=False, repr=False)
+class RelativeLanePlace(Value):
     """A place along the road from where somebody is.
 
     Attributes:
@@ -105,8 +106,8 @@ def _read_place(section: Fields) -> StoryPlace:
     return RelativeLanePlace(section.text("entity"), lanes, ahead_m, right_m, yaw_deg)
 
 
-@dataclass(frozen=True)
-class StoryEntity:
+@dataclass(frozen=True, eq=False, repr=False)
+class StoryEntity(Value):
     """Somebody or something that is there from the begin on.
 
     Attributes:
@@ -135,8 +136,8 @@ class StoryEntity:
         )
 
 
-@dataclass(frozen=True)
-class StoryDynamics:
+@dataclass(frozen=True, eq=False, repr=False)
+class StoryDynamics(Value):
     """How something goes from one value to another.
 
     Attributes:
@@ -158,8 +159,8 @@ class StoryDynamics:
         )
 
 
-@dataclass(frozen=True)
-class StorySpeed:
+@dataclass(frozen=True, eq=False, repr=False)
+class StorySpeed(Value):
     """A change of speed.
 
     Attributes:
@@ -176,8 +177,8 @@ class StorySpeed:
     is_factor: bool = field(default=False, metadata=LEFT_OUT)
 
 
-@dataclass(frozen=True)
-class StoryLaneChange:
+@dataclass(frozen=True, eq=False, repr=False)
+class StoryLaneChange(Value):
     """A change of lane.
 
     Attributes:
@@ -192,8 +193,8 @@ class StoryLaneChange:
     left: int = 0
 
 
-@dataclass(frozen=True)
-class StoryTeleport:
+@dataclass(frozen=True, eq=False, repr=False)
+class StoryTeleport(Value):
     """A jump to another place."""
 
     kind: str = field(default="teleport", init=False)
@@ -223,8 +224,8 @@ def _read_action(section: Fields) -> StoryAction:
     )
 
 
-@dataclass(frozen=True)
-class StoryCondition:
+@dataclass(frozen=True, eq=False, repr=False)
+class StoryCondition(Value):
     """What has to hold.
 
     Attributes:
@@ -294,8 +295,8 @@ def read_trigger(section: Fields, name: str) -> Trigger:
     return tuple(groups)
 
 
-@dataclass(frozen=True)
-class StoryEvent:
+@dataclass(frozen=True, eq=False, repr=False)
+class StoryEvent(Value):
     """Actions that begin together.
 
     Attributes:
@@ -322,8 +323,8 @@ class StoryEvent:
         )
 
 
-@dataclass(frozen=True)
-class StoryManeuver:
+@dataclass(frozen=True, eq=False, repr=False)
+class StoryManeuver(Value):
     """Events one after the other, or beside each other."""
 
     name: str
@@ -335,8 +336,8 @@ class StoryManeuver:
         return cls(section.text("name"), tuple(map(StoryEvent.read, section.objects("events"))))
 
 
-@dataclass(frozen=True)
-class StoryGroup:
+@dataclass(frozen=True, eq=False, repr=False)
+class StoryGroup(Value):
     """Who carries out maneuvers."""
 
     name: str
@@ -350,8 +351,8 @@ class StoryGroup:
         return cls(section.text("name"), section.words("actors"), maneuvers)
 
 
-@dataclass(frozen=True)
-class StoryAct:
+@dataclass(frozen=True, eq=False, repr=False)
+class StoryAct(Value):
     """Groups that act from one trigger to another.
 
     Attributes:

@@ -6,12 +6,13 @@ from dataclasses import dataclass
 from typing import Optional
 
 from carstage.spec.fields import Fields, SpecError
+from carstage.spec.values import Value
 
 _SLACK = 1e-9
 
 
-@dataclass(frozen=True)
-class TimingSpec:
+@dataclass(frozen=True, eq=False, repr=False)
+class TimingSpec(Value):
     """Synchronisation and physics time.
 
     Attributes:
@@ -58,8 +59,8 @@ class TimingSpec:
         return self.synchronous and self.sensor_sync and self.on_incomplete == "wait"
 
 
-@dataclass(frozen=True)
-class SavedSteps:
+@dataclass(frozen=True, eq=False, repr=False)
+class SavedSteps(Value):
     """The one rule for which steps are saved: 0, n, 2n, …
 
     Attributes:

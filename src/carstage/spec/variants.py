@@ -6,12 +6,13 @@ import re
 from dataclasses import dataclass
 
 from carstage.spec.fields import Fields, SpecError
+from carstage.spec.values import Value
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}\Z")
 
 
-@dataclass(frozen=True)
-class VariantSpec:
+@dataclass(frozen=True, eq=False, repr=False)
+class VariantSpec(Value):
     """What tells the variants of an episode apart, and what they have in common.
 
     Attributes:

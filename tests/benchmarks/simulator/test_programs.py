@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import psutil
 import pytest
 
 from benchmarks.simulator.programs.catalogue import (
@@ -28,6 +29,7 @@ from benchmarks.simulator.programs.running import (
 from benchmarks.simulator.programs.smoke import outcomes_of
 from carstage.errors import BadInputError
 from small_maps import parking_street
+from waiting import await_that
 
 ROOT = Path(__file__).parents[3]
 TRACEBACK = 'Traceback (most recent call last):\n  File "a.py", line 1, in <module>\n'
@@ -196,3 +198,31 @@ def test_programs_of_a_folder_are_run_as_they_are(tmp_path: Path) -> None:
     assert programs["examples/tutorial.py"]["result"] == "failed"
     assert programs["examples/tutorial.py"]["reason"] == "RuntimeError: map not found"
     assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+
+
+@pytest.mark.end_to_end
+@pytest.mark.timeout(300)
+@pytest.mark.xdist_group("embedded_server")
+def test_what_was_begun_ends_with_a_benchmark_that_is_terminated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, temporary = tmp_path / "PythonAPI", tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setenv("TMPDIR", str(temporary))
+    begun = tmp_path / "begun"
+    (folder / "examples").mkdir(parents=True)
+    text = f"import time\nopen({str(begun)!r}, 'w').close()\ntime.sleep(600)\n"
+    (folder / "examples" / "vehicle_gallery.py").write_text(text)
+    command = [sys.executable, "-m", "benchmarks", "programs", "--folder", str(folder)]
+    with subprocess.Popen([*command, "--seconds", "600"], cwd=ROOT) as process:
+        try:
+            await_that(begun.exists, within_s=120.0)
+            family = psutil.Process(process.pid).children(recursive=True)
+            assert any("carstage_sim" in child.cmdline() for child in family)
+            process.terminate()
+            assert process.wait(60) == 128 + signal.SIGTERM
+            _, alive = psutil.wait_procs(family, timeout=10)
+        finally:
+            process.kill()
+    assert not alive
+    assert not list(temporary.iterdir())

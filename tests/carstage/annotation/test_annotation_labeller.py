@@ -380,6 +380,15 @@ def test_sensor_poses_come_from_the_snapshot_of_the_frame() -> None:
     np.testing.assert_allclose(row["center_cam"], [0.0, 1.0, 10.0], atol=1e-9)
 
 
+def test_sensors_are_where_they_are_when_no_object_is_labelled() -> None:
+    poses = {CAR_ID: AHEAD[CAR_ID], EGO_ID: ((3.0, -4.0, 0.5), (5.0, 120.0, -2.0))}
+    nobody = {"vehicles": False, "pedestrians": False, "ego_motion": True}
+    found, usual = label(poses, ground_truth=nobody), label(poses)
+    assert found.objects == found.camera_objects == []
+    assert found.sensor_poses == usual.sensor_poses
+    assert found.ego == usual.ego
+
+
 def test_a_sensor_missing_from_the_snapshot_stands_on_its_mount() -> None:
     """A camera that looks 10 degrees down sees what is ahead above its centre."""
     mount = {"x_m": 50.0, "z_m": 2.0, "pitch_deg": -10.0}

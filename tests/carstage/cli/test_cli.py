@@ -79,6 +79,29 @@ def test_help_loads_nothing_heavy() -> None:
     assert ended.returncode == 0, ended.stderr
 
 
+def test_a_run_of_a_lidar_loads_nothing_that_others_need() -> None:
+    """Command line, configuration, run and conversion: each module costs every run its time."""
+    others = [
+        *("numba", "llvmlite", "PIL", "pandas", "cv2", "scipy", "shapely", "jsonschema", "rich"),
+        *("asyncio", "http.client", "urllib.request", "xml.etree", "multiprocessing", "sqlite3"),
+        *("duckdb", "pyarrow.dataset", "obstore", "fastapi", "uvicorn", "carla", "unittest"),
+        *("carstage.annotation.camera_rows", "carstage.annotation.object_rows", "carstage.bench"),
+        *("carstage.birds_eye", "carstage.exporters.exporter", "carstage.lane_lines"),
+        *("carstage.occupancy", "carstage.report", "carstage.validation", "carstage.web"),
+    ]
+    code = (
+        "import sys, carstage.cli.app, carstage.cli.progress\n"
+        "from carstage.config import parse_config\n"
+        "from carstage.conversion.pool import import_libraries\n"
+        "from carstage.runs import run\n"
+        "parse_config('{rig: {sensors: [{id: TOP, kind: lidar}]}, labels: {cameras: []}}')\n"
+        "import_libraries(pictures=False)\n"
+        f"print(*{{*{others}}} & {{*sys.modules}})"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ended.stdout.split() == []
+
+
 @pytest.mark.parametrize(("given", "threads"), [({}, "1"), ({"OPENBLAS_NUM_THREADS": "3"}, "3")])
 def test_threads_that_nothing_uses_are_not_started(given: dict[str, str], threads: str) -> None:
     code = (

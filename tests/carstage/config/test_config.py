@@ -30,10 +30,12 @@ from carstage.config import (
 from carstage.config.attributes import attributes_model
 from carstage.config.drivers import AutopilotDriver
 from carstage.config.timing import MAX_SUBSTEPS, Timing
+from carstage.config.traffic import VehicleGroup
 from carstage.errors import ConfigError
 from carstage.sensor_kinds import kinds
 from carstage.sensor_kinds.attributes import COLOUR_CAMERA, LIDAR
 
+_BELOW = {"birds_eye", "occupancy"}
 ONE = "rig: {sensors: [{id: A, kind: rgb}, {id: B, kind: %s}]}"
 
 
@@ -569,3 +571,34 @@ def test_the_shortest_interval_of_messages_is_not_above_the_longest() -> None:
     text = "rig: {sensors: [{id: V2X, kind: v2x, attributes: {gen_cam_min_s: 2}}]}\n"
     with pytest.raises(ConfigError, match=r"attributes.gen_cam_min_s: 2 s is above .* 1 s"):
         parse_config(text)
+
+
+def test_values_by_key_are_those_of_a_flat_section_as_it_is_dumped() -> None:
+    config = load_demo(["vehicles.radius_m=null", "labels.birds_eye={}", "labels.occupancy={}"])
+    for section in (config.pedestrians, config.traffic, config.ground_truth, config.labels):
+        flat = {key: value for key, value in section.by_key().items() if key not in _BELOW}
+        assert flat == section.model_dump(exclude=_BELOW)
+    assert config.labels.birds_eye is config.labels.by_key()["birds_eye"]
+    assert "base_type" not in VehicleGroup(count=1).by_key()
+    rest = {"count", "groups"}
+    assert config.vehicles.by_key(without=rest) == config.vehicles.model_dump(exclude=rest)
+
+
+def test_planning_makes_no_serializer_of_a_single_section() -> None:
+    """Each takes some milliseconds of every run."""
+    program = (
+        "from carstage.config import parse_config\n"
+        "from carstage.config.labels import GroundTruth, Labels\n"
+        "from carstage.config.traffic import Pedestrians, Traffic, Vehicles\n"
+        "from carstage.plan import ServerFacts, plan_episodes\n"
+        "kinds = (GroundTruth, Labels, Pedestrians, Traffic, Vehicles)\n"
+        "made = lambda: [k.__name__ for k in kinds if k.__pydantic_complete__]\n"
+        "config = parse_config('labels: {birds_eye: {}}')\n"
+        "before = made()\n"
+        "assert len(list(plan_episodes(config, ServerFacts(maps={'Stage01': 10})))) == 1\n"
+        "print(before == made(), len(before) < len(kinds))"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert ended.stdout == "True True\n"

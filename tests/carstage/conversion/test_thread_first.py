@@ -100,8 +100,9 @@ def test_the_thread_loads_what_work_needs_and_nothing_for_pictures() -> None:
         "import sys\n"
         "from carstage.conversion import ThreadFirst\n"
         "with ThreadFirst(None) as pool: pool.submit(bool).result()\n"
-        "print(*{'carstage.conversion.segment', 'pyarrow', 'numba', 'PIL', 'pandas'}\n"
-        "    & {*sys.modules})"
+        "print(*{'carstage.conversion.segment', 'pyarrow', 'numba', 'PIL', 'pandas',\n"
+        "    'carstage.annotation.camera_rows', 'carstage.annotation.object_rows',\n"
+        "    'carstage.annotation.pixels', 'carstage.annotation.events'} & {*sys.modules})"
     )
     ended = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True

@@ -131,3 +131,20 @@ def test_a_server_that_was_killed_leaves_its_place_and_its_state_to_the_next(
         assert read(opener, f"{plain}api/config")["config"]["name"] == "kept"
         process.send_signal(signal.SIGINT)
         assert process.wait(30) == 0
+
+
+def test_no_temporary_folder_outlives_the_interface_but_until_the_next_after_a_crash(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setenv("TMPDIR", str(temporary))
+    folders: list[list[Path]] = []
+    for number in (signal.SIGKILL, signal.SIGTERM, signal.SIGINT):
+        with gui(tmp_path / "datasets", "--no-token") as (process, _):
+            folders.append(list(temporary.iterdir()))
+            process.send_signal(number)
+            process.wait(30)
+    assert [len(found) for found in folders] == [1, 1, 1]
+    assert folders[0] != folders[1]
+    assert not list(temporary.iterdir())

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import socket
-import struct
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 
-from carstage_sim.sensors.cameras import HitCamera, RgbCamera
+from carstage_sim.sensors.cameras import RgbCamera
 from carstage_sim.sensors.dvs import DvsCamera
 from carstage_sim.sensors.flow import OpticalFlowCamera
 from carstage_sim.sensors.measurements import DVS_EVENT, DvsFrame, FlowFrame
@@ -22,57 +19,12 @@ from carstage_sim.simulation import Simulation
 from carstage_sim.wire import streaming
 from carstage_sim.wire.dialect import dialect
 from carstage_sim.wire.socket_loop import bind
-from carstage_sim.world.actors import Actor
-from carstage_sim.world.controls import EpisodeSettings, VehicleControl
-from carstage_sim.world.pose import Pose
-from raw_client import RawClient, read_message, subscribe
+from carstage_sim.world.controls import EpisodeSettings
+from held_drawing import SIZE, Gate, Rig, frame_of, frames_of
+from raw_client import read_message
 from waiting import await_that, holds_for
 
 pytestmark = pytest.mark.xdist_group("kernels")
-
-SIZE = {"image_size_x": "16", "image_size_y": "9"}
-LARGE = {"image_size_x": "640", "image_size_y": "360"}  # more than a client receives unread
-SYNCHRONOUS = EpisodeSettings(synchronous_mode=True, fixed_delta_seconds=0.05)
-
-
-class Gate:
-    """Lets cameras draw only while it is open, or slowly; counts those that came and went."""
-
-    def __init__(self) -> None:
-        self.open = threading.Event()
-        self.open.set()
-        self.came = self.done = 0
-        self.takes_s = 0.0
-        self.give_way: Callable[[], None] = lambda: None
-        self.threads: set[str] = set()
-        self._one = threading.Event()
-
-    def let_one_through(self) -> None:
-        """The camera that waits at the gate, or the next that comes to it."""
-        self._one.set()
-
-    def pass_through(self) -> None:
-        self.came += 1
-        self.threads.add(threading.current_thread().name)
-        await_that(lambda: self.open.is_set() or self._one.is_set(), within_s=60.0)
-        self._one.clear()
-        for _ in range(round(self.takes_s / 0.01)):
-            time.sleep(0.01)
-            self.give_way()
-        self.done += 1
-
-
-@pytest.fixture
-def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[Gate]:
-    gate, measure = Gate(), HitCamera.measure
-
-    def gated(*arguments: Any) -> Any:
-        gate.pass_through()
-        return measure(*arguments)
-
-    monkeypatch.setattr(HitCamera, "measure", gated)
-    yield gate
-    gate.open.set()
 
 
 @pytest.fixture
@@ -98,97 +50,6 @@ def light_gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[Gate]:
     monkeypatch.setattr(OpticalFlowCamera, "measure", motion)
     yield gate
     gate.open.set()
-
-
-@contextmanager
-def serving(simulation: Simulation) -> Iterator[Server]:
-    """A server of the simulation in a thread of its own; it ends with the block."""
-    with (
-        bind("127.0.0.1", 0) as rpc_socket,
-        bind("127.0.0.1", 0) as streaming_socket,
-        Server(
-            simulation,
-            dialect("0.9.16"),
-            rpc_socket=rpc_socket,
-            streaming_socket=streaming_socket,
-            frames_per_s=50.0,
-        ) as server,
-    ):
-        thread = threading.Thread(target=server.run)
-        thread.start()
-        try:
-            yield server
-        finally:
-            server.stop()
-            thread.join()
-
-
-class Rig:
-    """A served simulation with cameras and an IMU, and clients of it."""
-
-    def __init__(self, simulation: Simulation, resources: ExitStack) -> None:
-        world = simulation.world
-        self.camera = world.spawn("sensor.camera.depth", SIZE, Pose((0.0, 0.0, 3.0)))
-        self.colour = world.spawn("sensor.camera.rgb", LARGE, Pose((0.0, 0.0, 3.0)))
-        self.events = world.spawn("sensor.camera.dvs", SIZE, Pose((0.0, 0.0, 3.0)))
-        self.flow = world.spawn("sensor.camera.optical_flow", SIZE, Pose((0.0, 0.0, 3.0)))
-        self.imu = world.spawn("sensor.other.imu", {}, Pose((0.0, 0.0, 3.0)))
-        server = resources.enter_context(serving(simulation))
-        self.client, self.other = (
-            resources.enter_context(RawClient("127.0.0.1", server.rpc_port)) for _ in range(2)
-        )
-        self._world = world
-        self._port = server.streaming_port
-        self._resources = resources
-
-    def subscribed(self, sensor: Actor) -> socket.socket:
-        """A stream of a sensor, which the server knows of when it answers the next call."""
-        self.client.value("get_sensor_token", sensor.stream_id)
-        stream = subscribe("127.0.0.1", self._port, sensor.stream_id)
-        return self._resources.enter_context(stream)
-
-    def spawned_by_other(self, type_id: str, attributes: Mapping[str, str]) -> Actor:
-        """A sensor of the other client."""
-        values = [[name, 1, value] for name, value in attributes.items()]
-        place = [[0.0, 0.0, 3.0], [0.0, 0.0, 0.0]]
-        row = self.other.value("spawn_actor", [0, type_id, values], place)
-        return self._world.live(row[0])
-
-    def asking(self, name: str, *arguments: Any) -> Callable[[], Any]:
-        """Call in the other client's thread; gives what is there of the answer."""
-        answers: list[Any] = []
-        thread = threading.Thread(target=lambda: answers.append(self.other.value(name, *arguments)))
-        thread.start()
-        self._resources.callback(thread.join)
-        return lambda: answers[0] if answers else None
-
-    def ticks(self, count: int) -> list[int]:
-        """Frames of so many ticks."""
-        return [self.client.value("tick_cue") for _ in range(count)]
-
-
-def frame_of(message: bytes) -> int:
-    (frame,) = struct.unpack_from("<Q", message, 8)
-    return int(frame)
-
-
-def frames_of(stream: socket.socket, count: int) -> list[int]:
-    return [frame_of(read_message(stream)) for _ in range(count)]
-
-
-@pytest.fixture
-def simulation() -> Iterator[Simulation]:
-    with Simulation("Stage01", threads=1) as running:
-        running.warm_up()
-        yield running
-
-
-@pytest.fixture
-def rig(simulation: Simulation, gate: Gate) -> Iterator[Rig]:
-    with ExitStack() as resources:
-        resources.callback(gate.open.set)
-        simulation.apply_settings(SYNCHRONOUS)
-        yield Rig(simulation, resources)
 
 
 def test_calls_are_answered_while_a_picture_is_drawn_and_the_next_tick_waits_for_it(
@@ -313,94 +174,6 @@ def test_what_a_call_changes_while_a_frame_is_drawn_is_not_in_that_frame(
     assert read_message(stream)[48:] == still
     rig.client.value("tick_cue")
     assert read_message(stream)[48:] != still
-
-
-def test_the_world_steps_while_a_picture_is_drawn_and_nobody_knows_before(
-    rig: Rig, gate: Gate, simulation: Simulation
-) -> None:
-    stream = rig.subscribed(rig.camera)
-    gate.open.clear()
-    first = rig.client.value("tick_cue")
-    await_that(lambda: gate.came == 1)
-    second = rig.asking("tick_cue")
-    await_that(lambda: simulation.world.frame == first + 1)
-    assert holds_for(0.2, lambda: second() is None and simulation.world.frame == first + 1)
-    gate.open.set()
-    await_that(lambda: second() == first + 1)
-    assert frames_of(stream, 2) == [first, first + 1]
-
-
-def test_what_a_call_changes_after_a_step_made_ahead_is_in_the_frame_of_that_step(
-    rig: Rig, gate: Gate, simulation: Simulation
-) -> None:
-    stream = rig.subscribed(rig.camera)
-    rig.client.value("tick_cue")
-    still = read_message(stream)[48:]
-    gate.open.clear()
-    frame = rig.client.value("tick_cue")
-    await_that(lambda: gate.came == 2)
-    ahead = rig.asking("tick_cue")
-    await_that(lambda: simulation.world.frame == frame + 1)
-    rig.client.value("set_actor_transform", rig.camera.actor_id, [[60.0, 40.0, 9.0], [0, 70, 0]])
-    gate.open.set()
-    await_that(lambda: ahead() == frame + 1)
-    assert read_message(stream)[48:] == still
-    assert read_message(stream)[48:] != still
-
-
-def test_who_comes_after_a_step_made_ahead_is_in_its_frame(simulation: Simulation) -> None:
-    simulation.apply_settings(SYNCHRONOUS)
-    frame = simulation.tick().state.frame
-    simulation.step_ahead()
-    simulation.step_ahead()  # it is made once
-    actor = simulation.world.spawn("sensor.camera.depth", SIZE, Pose((0.0, 0.0, 3.0)))
-    simulation.may_have_changed()
-    state = simulation.tick().state
-    assert (state.frame, state.delta_s) == (frame + 1, 0.05)
-    assert actor.actor_id in state.actor_id
-    assert simulation.tick().state.frame == frame + 2
-
-
-def test_a_step_made_ahead_gives_the_same_frames_as_one_made_in_time() -> None:
-    def frames(*, ahead: bool) -> list[tuple[Any, bytes]]:
-        with Simulation("Stage01", threads=1) as simulation:
-            simulation.apply_settings(SYNCHRONOUS)
-            world = simulation.world
-            x, y, z, *turned = world.town.spawn_points[0].tolist()
-            car = world.spawn("vehicle.tesla.model3", {}, Pose((x, y, z), (0.0, turned[1], 0.0)))
-            world.control_vehicle(car.actor_id, VehicleControl(throttle=0.8, steer=0.1))
-            camera = world.spawn("sensor.camera.depth", SIZE, Pose((x - 8.0, y, 2.0)))
-            told = []
-            for _ in range(4):
-                if ahead:
-                    simulation.step_ahead()
-                snapshot = simulation.tick()
-                scene = simulation.scene(snapshot, lambda _: True)
-                assert scene is not None
-                pictures: list[Any] = []
-                drawn = simulation.capture(scene, pictures.append, lambda _: None)
-                assert drawn is not None
-                drawn.result()
-                (picture,) = [one.frame for one in pictures if one.sensor is camera]
-                told.append((snapshot.state.location.tolist(), picture.pixels.tobytes()))
-            return told
-
-    assert frames(ahead=True) == frames(ahead=False)
-
-
-def test_a_tick_that_waits_while_a_map_is_loaded_is_one_of_the_new_episode(
-    rig: Rig, gate: Gate, simulation: Simulation
-) -> None:
-    rig.subscribed(rig.camera)
-    gate.open.clear()
-    first = rig.client.value("tick_cue")
-    await_that(lambda: gate.came == 1)
-    second = rig.asking("tick_cue")
-    await_that(lambda: simulation.world.frame == first + 1)
-    threading.Timer(0.2, gate.open.set).start()  # which the load waits for
-    rig.client.value("load_new_episode", "Stage01", False, 0x3F)
-    await_that(lambda: second() is not None)
-    assert second() <= 2
 
 
 def test_rays_of_a_client_come_after_the_picture_and_the_others_do_not_wait_for_them(

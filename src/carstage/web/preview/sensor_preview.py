@@ -10,7 +10,6 @@ import json
 import logging
 import selectors
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Callable
@@ -18,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from carstage.errors import CarStageError, CollectorError, ConfigError
+from carstage.files.scratch import Scratch
 from carstage.sensor_kinds import known_kind, plugins_of
 from carstage.web.configure.checking import ConfigChecker
 from carstage.web.errors import WebError
@@ -58,7 +58,7 @@ class SensorPreviewService:
         self._used_by_run = used_by_run
         self._turn = threading.Lock()
         self._lock = threading.Lock()
-        self._folder = tempfile.TemporaryDirectory(prefix="carstage-preview-")
+        self._folder = Scratch("carstage-preview-")
         self._server: PictureServer | None = None
         self._collector: CollectorProcess | None = None
         self._starting: threading.Thread | None = None
@@ -155,7 +155,7 @@ class SensorPreviewService:
             self._starting.join()
         with self._turn:
             self._end()
-        self._folder.cleanup()
+        self._folder.remove()
 
     def _leave_to_runs(self, config: Config) -> None:
         key = PictureServer(config).key
@@ -253,7 +253,7 @@ class SensorPreviewService:
         """Have the collector look; the folder of the raw log."""
         self._number += 1
         self._used_s = time.monotonic()
-        folder = Path(self._folder.name) / str(self._number)
+        folder = self._folder.path / str(self._number)
         plan = self._plan_document(spec, folder / "raw")
         folder.mkdir()
         try:
@@ -273,7 +273,7 @@ class SensorPreviewService:
             collector = CollectorProcess(
                 plan,
                 plan_path=folder / "plan.json",
-                log_path=Path(self._folder.name) / "collector.log",
+                log_path=self._folder.path / "collector.log",
                 python=self._server.python if self._server is not None else sys.executable,
                 module="carstage.collector.sensor_preview",
             )

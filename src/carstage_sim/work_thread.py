@@ -1,4 +1,4 @@
-"""The thread that draws, while the world's thread goes on."""
+"""A thread that does pieces of work, while the world's thread goes on."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class _PutOff:
     leave_out: Callable[[], None]
 
 
-class DrawingThread:
+class WorkThread:
     """Does what it is handed, one after the other.
 
     What is handed over must not change afterwards. While it has nothing to do, whoever hands work
@@ -41,7 +41,7 @@ class DrawingThread:
         name: what the thread is called.
     """
 
-    def __init__(self, name: str = "drawing") -> None:
+    def __init__(self, name: str) -> None:
         self._room = threading.BoundedSemaphore(_MOST_WAITING)
         self._changed = threading.Condition()
         self._undone = 0

@@ -1,0 +1,105 @@
+"""The world steps while the pictures of the last frame are drawn, and nobody is told before."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import pytest
+
+from carstage_sim.simulation import Simulation
+from carstage_sim.world.controls import VehicleControl
+from carstage_sim.world.pose import Pose
+from held_drawing import SIZE, SYNCHRONOUS, Gate, Rig, frames_of
+from raw_client import read_message
+from waiting import await_that, holds_for
+
+pytestmark = pytest.mark.xdist_group("kernels")
+
+
+def test_the_world_steps_while_a_picture_is_drawn_and_nobody_knows_before(
+    rig: Rig, gate: Gate, simulation: Simulation
+) -> None:
+    stream = rig.subscribed(rig.camera)
+    gate.open.clear()
+    first = rig.client.value("tick_cue")
+    await_that(lambda: gate.came == 1)
+    second = rig.asking("tick_cue")
+    await_that(lambda: simulation.world.frame == first + 1)
+    assert holds_for(0.2, lambda: second() is None and simulation.world.frame == first + 1)
+    gate.open.set()
+    await_that(lambda: second() == first + 1)
+    assert frames_of(stream, 2) == [first, first + 1]
+
+
+def test_what_a_call_changes_after_a_step_made_ahead_is_in_the_frame_of_that_step(
+    rig: Rig, gate: Gate, simulation: Simulation
+) -> None:
+    stream = rig.subscribed(rig.camera)
+    rig.client.value("tick_cue")
+    still = read_message(stream)[48:]
+    gate.open.clear()
+    frame = rig.client.value("tick_cue")
+    await_that(lambda: gate.came == 2)
+    ahead = rig.asking("tick_cue")
+    await_that(lambda: simulation.world.frame == frame + 1)
+    rig.client.value("set_actor_transform", rig.camera.actor_id, [[60.0, 40.0, 9.0], [0, 70, 0]])
+    gate.open.set()
+    await_that(lambda: ahead() == frame + 1)
+    assert read_message(stream)[48:] == still
+    assert read_message(stream)[48:] != still
+
+
+def test_who_comes_after_a_step_made_ahead_is_in_its_frame(simulation: Simulation) -> None:
+    simulation.apply_settings(SYNCHRONOUS)
+    frame = simulation.tick().state.frame
+    simulation.step_ahead()
+    simulation.step_ahead()  # it is made once
+    actor = simulation.world.spawn("sensor.camera.depth", SIZE, Pose((0.0, 0.0, 3.0)))
+    simulation.may_have_changed()
+    state = simulation.tick().state
+    assert (state.frame, state.delta_s) == (frame + 1, 0.05)
+    assert actor.actor_id in state.actor_id
+    assert simulation.tick().state.frame == frame + 2
+
+
+def test_a_step_made_ahead_gives_the_same_frames_as_one_made_in_time() -> None:
+    def frames(*, ahead: bool) -> list[tuple[Any, bytes]]:
+        with Simulation("Stage01", threads=1) as simulation:
+            simulation.apply_settings(SYNCHRONOUS)
+            world = simulation.world
+            x, y, z, *turned = world.town.spawn_points[0].tolist()
+            car = world.spawn("vehicle.tesla.model3", {}, Pose((x, y, z), (0.0, turned[1], 0.0)))
+            world.control_vehicle(car.actor_id, VehicleControl(throttle=0.8, steer=0.1))
+            camera = world.spawn("sensor.camera.depth", SIZE, Pose((x - 8.0, y, 2.0)))
+            told = []
+            for _ in range(4):
+                if ahead:
+                    simulation.step_ahead()
+                snapshot = simulation.tick()
+                scene = simulation.scene(snapshot, lambda _: True)
+                assert scene is not None
+                pictures: list[Any] = []
+                drawn = simulation.capture(scene, pictures.append, lambda _: None)
+                assert drawn is not None
+                drawn.result()
+                (picture,) = [one.frame for one in pictures if one.sensor is camera]
+                told.append((snapshot.state.location.tolist(), picture.pixels.tobytes()))
+            return told
+
+    assert frames(ahead=True) == frames(ahead=False)
+
+
+def test_a_tick_that_waits_while_a_map_is_loaded_is_one_of_the_new_episode(
+    rig: Rig, gate: Gate, simulation: Simulation
+) -> None:
+    rig.subscribed(rig.camera)
+    gate.open.clear()
+    first = rig.client.value("tick_cue")
+    await_that(lambda: gate.came == 1)
+    second = rig.asking("tick_cue")
+    await_that(lambda: simulation.world.frame == first + 1)
+    threading.Timer(0.2, gate.open.set).start()  # which the load waits for
+    rig.client.value("load_new_episode", "Stage01", False, 0x3F)
+    await_that(lambda: second() is not None)
+    assert second() <= 2

@@ -62,6 +62,24 @@ def noise(x, y, seed):  # type: ignore[no-untyped-def]
 
 
 @device
+def stones(x, y, seed):  # type: ignore[no-untyped-def]
+    """The height of :func:`noise`, and how it rises along x and y for each unit."""
+    fx, fy = np.floor(x), np.floor(y)
+    i, j = int(fx), int(fy)
+    u, v = x - fx, y - fy
+    rise_u, rise_v = np.float32(6) * u * (_ONE - u), np.float32(6) * v * (_ONE - v)
+    u = u * u * (np.float32(3) - (u + u))
+    v = v * v * (np.float32(3) - (v + v))
+    a, b = hash_unit(i, j, seed), hash_unit(i + 1, j, seed)
+    c, d = hash_unit(i, j + 1, seed), hash_unit(i + 1, j + 1, seed)
+    along, beyond = b - a, d - c
+    low, high = a + along * u, c + beyond * u
+    value = low + (high - low) * v
+    rise_x, rise_y = (along + (beyond - along) * v) * rise_u, (high - low) * rise_v
+    return value + value - _ONE, rise_x + rise_x, rise_y + rise_y
+
+
+@device
 def faded(x, y, size, pixel, seed):  # type: ignore[no-untyped-def]
     """Noise with bumps of ``size`` metres, zero where a pixel is larger than a bump."""
     share = _ONE - pixel / size

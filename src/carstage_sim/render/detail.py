@@ -380,14 +380,16 @@ def pattern(kind, x, y, z, nx, ny, nz, edges, owner, number, pixel):  # type: ig
             s, t, np.float32(0.25), np.float32(0.083), np.float32(0.012), _ONE, pixel, 5
         )
         value = (_ONE + np.float32(0.22) * tint) * (_ONE - seam)
-        fired, soot, cloud, slow, field, _ = six_noises(
+        fired, soot, cloud, slow, field, several = six_noises(
             s, t, np.float32(0.21), np.float32(0.6), np.float32(1.6), np.float32(4.0),
-            np.float32(11.0), np.float32(1.0), 47,
+            np.float32(11.0), np.float32(0.42), 47,
         )  # fmt: skip
         # Where single bricks fade, a mean of two of them is left of their tones.
         faint = min(pixel * np.float32(1 / 0.0415), _ONE)
         tones = np.float32(0.08) + np.float32(0.125) * faint
         weathered = tones * fired * _layer(np.float32(0.21), pixel)
+        # Tones are by chance: the mean of n bricks varies as one over the root of n.
+        weathered += np.float32(0.17) * faint * several * _layer(np.float32(0.42), pixel)
         weathered += np.float32(0.08) * soot * _layer(np.float32(0.6), pixel)
         weathered += np.float32(0.07) * cloud * _layer(np.float32(1.6), pixel)
         weathered += np.float32(0.07) * slow + np.float32(0.05) * field

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.simulator.render.scene import ReferenceScene, named_presets, populate, town_of
 from carstage.bench.verdict import Figure
@@ -64,6 +65,16 @@ def flat_share(scene: ReferenceScene, weather: str) -> float:
     assert isinstance(tags, ImageFrame)
     grey = colour.pixels[..., :3].astype(np.float64) @ np.array([0.114, 0.587, 0.299])
     seen = tags.pixels[..., 2] != _SKY_TAG
+    return share_of_flat(grey, seen)
+
+
+def share_of_flat(grey: NDArray[np.float64], seen: NDArray[np.bool_]) -> float:
+    """Share of the pixels that count which lie in flat patches of them.
+
+    Args:
+        grey: ``(H, W)`` brightness in codes.
+        seen: ``(H, W)``, which pixels count. A patch counts if all of its pixels do.
+    """
     rows, columns = grey.shape[0] // _PATCH, grey.shape[1] // _PATCH
     patches = grey.reshape(rows, _PATCH, columns, _PATCH).swapaxes(1, 2).reshape(-1, _PATCH**2)
     whole = seen.reshape(rows, _PATCH, columns, _PATCH).swapaxes(1, 2).reshape(-1, _PATCH**2)

@@ -249,7 +249,7 @@ def traffic(
     return _report("traffic", measure, json)
 
 
-@benchmark("render", takes="8 minutes")
+@benchmark("render", takes="10 minutes")
 def render(
     map: Map = "Stage02",
     tries: Annotated[int, typer.Option(help="Of each measurement.")] = 5,

@@ -8,23 +8,19 @@ from contextlib import closing
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.simulator.render.flatness import MOST_FLAT, flat_figures, flat_share
 from benchmarks.simulator.render.grounding import ground_figures
 from benchmarks.simulator.render.scene import ReferenceScene, named_presets, plain_view
 from carstage.bench.verdict import Figure
 from carstage_sim.render.caster import RayCaster
 from carstage_sim.render.film import Film
-from carstage_sim.sensors.measurements import ImageFrame
 from carstage_sim.sensors.view import Camera
 from carstage_sim.world.state import Weather
 
 Array = NDArray[np.float64]
 
-_PATCH = 32
-_FLAT_CODES = 1.0
-_MOST_FLAT = 0.02
 _LEAST_APART = 3.0
 _SHADOW_DEG = 2.0
-_SKY_TAG = 11
 _POLE_M = 3.0
 
 
@@ -33,7 +29,8 @@ def look_figures(scene: ReferenceScene) -> list[Figure]:
     return [
         *preset_figures(scene),
         Figure("shadow_off_the_sun_deg", shadow_error_deg(), "<=", _SHADOW_DEG),
-        Figure("pixels_in_flat_patches", flat_share(scene), "<=", _MOST_FLAT),
+        Figure("pixels_in_flat_patches", flat_share(scene, "ClearNoon"), "<=", MOST_FLAT),
+        *flat_figures(),
         *ground_figures(scene),
     ]
 
@@ -99,24 +96,3 @@ def shadow_error_deg() -> float:
             height = np.degrees(np.arctan2(_POLE_M, away.max()))
             worst = max(worst, abs(float(off)), abs(float(height) - altitude))
     return worst
-
-
-def flat_share(scene: ReferenceScene) -> float:
-    """Share of the pixels outside the sky that lie in patches of 32 x 32 without any structure.
-
-    Flat is a patch whose brightness has a standard deviation below one code.
-    """
-    weather = named_presets()["ClearNoon"]
-    state = scene.state(weather)
-    size = {"image_size_x": 640, "image_size_y": 352}
-    colour = scene.frame(state, "camera.rgb", **size)
-    tags = scene.frame(state, "camera.semantic_segmentation", **size)
-    assert isinstance(colour, ImageFrame)
-    assert isinstance(tags, ImageFrame)
-    grey = colour.pixels[..., :3].astype(np.float64) @ np.array([0.114, 0.587, 0.299])
-    seen = tags.pixels[..., 2] != _SKY_TAG
-    rows, columns = grey.shape[0] // _PATCH, grey.shape[1] // _PATCH
-    patches = grey.reshape(rows, _PATCH, columns, _PATCH).swapaxes(1, 2).reshape(-1, _PATCH**2)
-    whole = seen.reshape(rows, _PATCH, columns, _PATCH).swapaxes(1, 2).reshape(-1, _PATCH**2)
-    flat = (patches.std(axis=1) < _FLAT_CODES) & whole.all(axis=1)
-    return float(flat.sum() * _PATCH**2 / max(int(seen.sum()), 1))

@@ -62,6 +62,24 @@ def noise(x, y, seed):  # type: ignore[no-untyped-def]
 
 
 @device
+def stones(x, y, seed):  # type: ignore[no-untyped-def]
+    """The height of :func:`noise`, and how it rises along x and y for each unit."""
+    fx, fy = np.floor(x), np.floor(y)
+    i, j = int(fx), int(fy)
+    u, v = x - fx, y - fy
+    rise_u, rise_v = np.float32(6) * u * (_ONE - u), np.float32(6) * v * (_ONE - v)
+    u = u * u * (np.float32(3) - (u + u))
+    v = v * v * (np.float32(3) - (v + v))
+    a, b = hash_unit(i, j, seed), hash_unit(i + 1, j, seed)
+    c, d = hash_unit(i, j + 1, seed), hash_unit(i + 1, j + 1, seed)
+    along, beyond = b - a, d - c
+    low, high = a + along * u, c + beyond * u
+    value = low + (high - low) * v
+    rise_x, rise_y = (along + (beyond - along) * v) * rise_u, (high - low) * rise_v
+    return value + value - _ONE, rise_x + rise_x, rise_y + rise_y
+
+
+@device
 def faded(x, y, size, pixel, seed):  # type: ignore[no-untyped-def]
     """Noise with bumps of ``size`` metres, zero where a pixel is larger than a bump."""
     share = _ONE - pixel / size
@@ -362,14 +380,16 @@ def pattern(kind, x, y, z, nx, ny, nz, edges, owner, number, pixel):  # type: ig
             s, t, np.float32(0.25), np.float32(0.083), np.float32(0.012), _ONE, pixel, 5
         )
         value = (_ONE + np.float32(0.22) * tint) * (_ONE - seam)
-        fired, soot, cloud, slow, field, _ = six_noises(
+        fired, soot, cloud, slow, field, several = six_noises(
             s, t, np.float32(0.21), np.float32(0.6), np.float32(1.6), np.float32(4.0),
-            np.float32(11.0), np.float32(1.0), 47,
+            np.float32(11.0), np.float32(0.42), 47,
         )  # fmt: skip
         # Where single bricks fade, a mean of two of them is left of their tones.
         faint = min(pixel * np.float32(1 / 0.0415), _ONE)
         tones = np.float32(0.08) + np.float32(0.125) * faint
         weathered = tones * fired * _layer(np.float32(0.21), pixel)
+        # Tones are by chance: the mean of n bricks varies as one over the root of n.
+        weathered += np.float32(0.17) * faint * several * _layer(np.float32(0.42), pixel)
         weathered += np.float32(0.08) * soot * _layer(np.float32(0.6), pixel)
         weathered += np.float32(0.07) * cloud * _layer(np.float32(1.6), pixel)
         weathered += np.float32(0.07) * slow + np.float32(0.05) * field

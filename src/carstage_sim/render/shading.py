@@ -20,7 +20,7 @@ from carstage_sim.kernels import device, inlined
 from carstage_sim.mesh import Material
 from carstage_sim.render.arithmetic import exp_down, power_of_slant
 from carstage_sim.render.cast import NOTHING, Scene, trace
-from carstage_sim.render.detail import GLAZING, ROOM, hash_unit, noise
+from carstage_sim.render.detail import ASPHALT, GLAZING, ROOM, hash_unit, stones
 from carstage_sim.render.incoming_light import (
     OVER_PI,
     openness,
@@ -98,7 +98,9 @@ _LEVEL_GROUND: Any = np.float32(0.7)
 """Upward part of a normal from which a surface is ground under an overhang."""
 _WET_GROUND: Any = np.float32(0.5)
 """Upward part of a normal above which a surface holds water."""
-_RIPPLES_PER_M: Any = np.float32(23)
+_STONES_PER_M: Any = np.float32(23)
+_STONE_SLOPE: Any = np.float32(0.1)
+"""Slope of a road's stones: a texture 0.8 mm deep (ISO 13473-1) of stones 8 mm apart."""
 _WATER_ROUGHNESS: Any = np.float32(0.06)
 _LIFT_M: Any = np.float32(2e-3)
 _LIFT_PER_M: Any = np.float32(2e-4)
@@ -305,15 +307,27 @@ def _glint(towards_sun, rough, fresnel):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _water_on(light, pool, rough, p, n, pixel):  # type: ignore[no-untyped-def]
-    """Roughness and the normal's x and y of ground under a share ``pool`` of water."""
-    # Water is level; drops and the stones under a film let it tremble.
-    rough_water = (_ONE - pool) * _WATER_ROUGHNESS + light.rain * np.float32(0.02)
-    tremble = rough_water * min(np.float32(0.05) / pixel, _ONE)
+def _stones_at(p, pixel):  # type: ignore[no-untyped-def]
+    """Height of the ground's stones at a place, about -1 to 1, and how it rises along x and y."""
+    height, along, across = stones(p[0] * _STONES_PER_M, p[1] * _STONES_PER_M, 31)
+    left = min(np.float32(0.05) / pixel, _ONE)
+    return height * left, along * left, across * left
+
+
+@inlined
+def _water_on(light, wet, rough, rise, n):  # type: ignore[no-untyped-def]
+    """Roughness and the normal's x and y of ground under water.
+
+    ``wet``: share of standing water, and the ground's pattern. ``rise``: of its stones.
+    """
+    # Water that stands is level; drops let it tremble. A film follows the stones below it.
+    pool, kind = wet
+    steep = _STONE_SLOPE if kind == ASPHALT else _WATER_ROUGHNESS
+    tilt = (_ONE - pool) * steep + light.rain * np.float32(0.02)
     return (
         rough + (_WATER_ROUGHNESS - rough) * min(pool + pool, _ONE),
-        n[0] + tremble * noise(p[0] * _RIPPLES_PER_M, p[1] * _RIPPLES_PER_M, 31),
-        n[1] + tremble * noise(p[0] * _RIPPLES_PER_M, p[1] * _RIPPLES_PER_M, 32),
+        n[0] - tilt * rise[0],
+        n[1] - tilt * rise[1],
     )
 
 
@@ -391,10 +405,11 @@ def unmirrored(frame, rays, scratch, epic, lamps_on, i, d, distance, p, pixel, n
         cr, cg, cb = cr * flutter, cg * flutter, cb * flutter
     pool = _ZERO
     if light.wetness > 0 and nz > _WET_GROUND and hit_actor < 0 and not leaves:
-        pool = water(light, kind, px, py, pixel)
+        height, along, across = _stones_at((px, py), pixel)
+        pool = water(light, kind, height, px, py, pixel)
         soaked = _ONE - np.float32(0.5) * light.wetness
         cr, cg, cb = cr * soaked, cg * soaked, cb * soaked
-        rough, nx, ny = _water_on(light, pool, rough, (px, py), (nx, ny), pixel)
+        rough, nx, ny = _water_on(light, (pool, kind), rough, (along, across), (nx, ny))
     er, eg, eb = sky_irradiance(light, nx, ny, nz)
     er, eg, eb = er * free, eg * free, eb * free
     sunny = nx * lx + ny * ly + nz * lz

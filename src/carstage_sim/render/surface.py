@@ -24,6 +24,13 @@ from carstage_sim.render.pictures import picture_colour, picture_colour_of_actor
 _ZERO: Any = np.float32(0)
 _ONE: Any = np.float32(1)
 _HALF: Any = np.float32(0.5)
+_FILM: Any = np.float32(0.35)
+"""Share of wet ground that lies under water, where it does not stand."""
+_FILM_PER_HEIGHT: Any = np.float32(0.6)
+_LEAST_FILM: Any = np.float32(0.05)
+"""How that share falls with the height of stones, and what of it is left on their tops."""
+_RIM: Any = np.float32(0.12)
+"""Height of stones beside that of the ground's waves."""
 
 
 @inlined
@@ -171,17 +178,22 @@ def surface_material(frame, surfaces, hit, p, n, d, pixel):  # type: ignore[no-u
 
 
 @device
-def water(light, kind, px, py, pixel):  # type: ignore[no-untyped-def]
-    """Share of standing water, 0-1, at a place of the ground: puddles, else a film."""
-    film = light.wetness * np.float32(0.35)
+def water(light, kind, height, px, py, pixel):  # type: ignore[no-untyped-def]
+    """Share of standing water, 0-1, at a place of the ground: puddles, else a film.
+
+    ``height``: of the stones there, about -1 to 1.
+    """
+    # A film that is thinner than the texture lies between the stones, whose tops stand out of it.
+    film = light.wetness * min(max(_FILM - _FILM_PER_HEIGHT * height, _LEAST_FILM), _ONE)
     if light.puddles <= 0:
         return film
     depth = np.float32(0.62) if kind == ASPHALT else np.float32(0.25)
     level = faded(px, py, np.float32(4.3), pixel, 21) + np.float32(0.45) * faded(
         px, py, np.float32(1.1), pixel, 22
     )
-    pool = (level + light.puddles * np.float32(1.5) * depth - np.float32(0.55)) * np.float32(5)
-    return min(max(pool, film), _ONE)
+    # Stones stand out of a puddle's rim, too.
+    level += light.puddles * np.float32(1.5) * depth - _RIM * height
+    return min(max((level - np.float32(0.55)) * np.float32(5), film), _ONE)
 
 
 @device

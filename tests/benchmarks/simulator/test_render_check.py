@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.simulator.render.flatness import share_of_flat
 from benchmarks.simulator.render.grounding import GroundProbe
 from benchmarks.simulator.render.looks import lab, shadow_error_deg
 from benchmarks.simulator.render.scene import named_presets, town_of
@@ -27,6 +28,16 @@ def test_colours_are_those_of_the_standard():
     codes = np.array([[255, 255, 255], [0, 0, 0], [255, 0, 0]], np.uint8)
     expected = [[100.0, 0.0, 0.0], [0.0, 0.0, 0.0], [53.2, 80.1, 67.2]]
     assert lab(codes) == pytest.approx(np.array(expected), abs=0.2)
+
+
+def test_patches_without_structure_count_where_no_sky_is_in_them():
+    grey = np.indices((64, 96)).sum(axis=0) * 1.0
+    grey[:32, :32], grey[32:, 32:64] = 20.0, 12.0
+    grey[32:, 64:] = 12.0 + np.indices((32, 32)).sum(axis=0) % 2 * 2.5
+    seen = np.ones(grey.shape, np.bool_)
+    assert share_of_flat(grey, seen) == pytest.approx(2 / 6)
+    seen[5, 5] = False
+    assert share_of_flat(grey, seen) == pytest.approx(1024 / (64 * 96 - 1))
 
 
 def test_the_clients_presets_are_found_with_their_values():

@@ -114,6 +114,25 @@ def test_bricks_that_are_too_small_for_pixels_leave_the_mean_of_their_tones():
     assert 0.05 < apart < 0.09
 
 
+def kept(pixel, brick):
+    """Variance that a mean over a pixel keeps of tones by chance, along one side of bricks."""
+    if pixel < brick:
+        return 1.0 - pixel / brick / 3.0
+    return brick / pixel * (1.0 - brick / pixel / 3.0)
+
+
+@pytest.mark.parametrize("pixel_m", [0.12, 0.16, 0.2, 0.3])
+def test_the_mean_of_several_bricks_varies_as_tones_by_chance_do(pixel_m):
+    pixel = np.float32(pixel_m)
+    out = np.empty((160, 320, 3), np.float32)
+    _look(BRICK, pixel, False, False, 7, pixel, out)
+    red = out[..., 0] / out[..., 0].mean()
+    away = max(3, round(0.5 / pixel_m))
+    apart = (red[:, away:] - red[:, :-away]).std() / np.sqrt(2.0)
+    wanted = 0.22 / np.sqrt(3.0) * np.sqrt(kept(pixel_m, 0.25) * kept(pixel_m, 0.083))
+    assert apart == pytest.approx(wanted, rel=0.15)
+
+
 def test_edges_of_strips_and_plinths_are_known_from_their_size():
     strip, plinth, pier, sill = (
         4 * wide + 512 * high for wide, high in ((80, 15), (80, 6), (12, 18), (13, 10))

@@ -12,6 +12,7 @@ from carstage_sim.mesh import Material
 from carstage_sim.render.cast import STATIC
 from carstage_sim.render.gpu.caster import GpuCaster
 from carstage_sim.sensors.world_sensors import WorldSensors
+from carstage_sim.world.state import Weather
 
 pytestmark = pytest.mark.xdist_group("gpu")
 
@@ -75,6 +76,22 @@ def test_pictures_of_all_kinds_agree(suites):
     assert walker.sum() > 500
     assert np.ptp(cpu["optical_flow"].flow[walker], axis=0).min() > 0.02
     assert np.allclose(cpu["optical_flow"].flow, gpu["optical_flow"].flow, atol=1e-5)
+
+
+def test_a_wet_road_mirrors_the_same(suites):
+    """Puddles and a film between stones, which bend what is mirrored."""
+    wet = Weather(sun_altitude_angle=20.0, wetness=70.0, precipitation_deposits=40.0)
+    request = sensor_worlds.request("camera.rgb", 600, image_size_x=320, image_size_y=192)
+    pictures = []
+    for sensors in suites:
+        sensors.reset()
+        state = sensor_worlds.state(1, vehicles=[(7, (8.0, 1.0, 0.0), 40.0)], weather=wet)
+        ((_, frame),) = sensors.capture(state, [request])
+        pictures.append(frame.pixels[..., :3].astype(int))
+    cpu, card = pictures
+    apart = abs(cpu - card).max(axis=-1)
+    assert cpu[120:].std() > 5.0, "the road mirrors"
+    assert (apart > 2).sum() < MOST_COLOURS * apart.size
 
 
 def test_surfaces_in_one_plane_win_the_same_pixels(software_gpu):

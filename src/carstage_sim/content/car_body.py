@@ -113,7 +113,7 @@ class BodyShape:
         cladding: height up to which the sills are bare plastic.
         mirrors: whether outside mirrors reach out to the box's sides.
         rear_glass: z from, z to and half width as a share of a window in an upright rear face.
-        tinted: whether the windows behind the front doors are of dark glass.
+        tinted: whether the windows behind the front doors are of privacy glass.
         screen_foot: half width of the windscreen's foot, as a share of the body's there.
         tall_mirrors: whether mirrors are upright plates on arms, as a lorry has them.
         rails: whether the roof has rails.
@@ -173,7 +173,7 @@ class BodyShape:
     @property
     def rear_pane(self) -> Material:
         """Glass of the windows behind the front doors."""
-        return Material.GLASS_DARK if self.tinted else Material.GLASS
+        return Material.GLASS_TINTED if self.tinted else Material.GLASS
 
 
 @dataclass(frozen=True, slots=True)

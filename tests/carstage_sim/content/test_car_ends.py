@@ -13,7 +13,7 @@ from carstage_sim.content.vehicles import vehicle_mesh
 from carstage_sim.mesh import Material
 from carstage_sim.world.blueprints import catalogue
 
-_PANES = (Material.GLASS, Material.GLASS_DARK)
+_PANES = (Material.GLASS, Material.GLASS_TINTED)
 
 
 class Seen:
@@ -71,7 +71,7 @@ def test_the_rear_window_of_an_suv_begins_at_its_waist_and_ends_below_the_roof()
     """A window up to the roof over a tall blank sheet is a van's."""
     seen = Seen("nissan.patrol_2021")
     materials = [seen.behind(0.30, share)[0] for share in (0.63, 0.70, 0.85, 0.93)]
-    pane = Material.GLASS_DARK
+    pane = Material.GLASS_TINTED
     assert materials == [Material.PAINT, pane, pane, Material.PAINT]
 
 

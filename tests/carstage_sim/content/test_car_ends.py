@@ -81,6 +81,19 @@ def test_the_cabin_of_a_big_suv_is_narrower_than_its_body():
     assert half[1] < 0.83 * half[0]
 
 
+@pytest.mark.parametrize(
+    ("name", "y", "share"),
+    [("jeep.wrangler_rubicon", 0.45, 0.85), ("nissan.patrol", 0.45, 0.80),
+     ("mercedes.sprinter", 0.30, 0.70), ("mitsubishi.fusorosa", 0.30, 0.60)],
+)  # fmt: skip
+def test_no_sheet_metal_is_right_behind_the_window_of_an_upright_rear_door(name, y, share):
+    seen = Seen(name)
+    pane, x = seen.behind(y, share)
+    assert pane in _PANES
+    beyond, next_x = seen.met((x + 0.001, y, share * seen.high[2]), 0, 1.0)
+    assert next_x - x > 0.3, beyond
+
+
 @pytest.mark.parametrize("name", ["nissan.patrol_2021", "seat.leon", "mercedes.coupe_2020"])
 def test_a_rear_bumper_stands_out_below_the_lid(name):
     seen = Seen(name)

@@ -16,6 +16,7 @@ from benchmarks.simulator.detectors.matching import (
     is_end_on,
 )
 from benchmarks.simulator.detectors.scenes import CAMERA, RAIN
+from benchmarks.simulator.detectors.seated import seated_people
 from carstage.dataset import Frame
 
 Row = Mapping[str, Any]
@@ -54,7 +55,7 @@ class LabelledPicture:
     Attributes:
         view: the episode, and whose camera it is.
         frame, camera: where it is.
-        objects: all that is labelled and visible.
+        objects: all that is labelled and visible, and who is seen in vehicles.
     """
 
     view: str
@@ -76,6 +77,7 @@ def labelled_pictures(frames: Iterable[Frame]) -> Iterator[LabelledPicture]:
             if view.has(CAMERA):
                 # Of a picture without anything labelled there is no row.
                 objects = labelled_objects(view.objects, view.camera_objects.get(CAMERA, ()))
+                objects += seated_people(view, CAMERA)
                 yield LabelledPicture(f"{frame.episode.id}-{name}", view, CAMERA, objects)
 
 

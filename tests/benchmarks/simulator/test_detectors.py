@@ -36,11 +36,14 @@ from benchmarks.simulator.detectors.packages import COCO_NAMES
 from benchmarks.simulator.detectors.scenes import CAMERA, RAIN, configuration
 from benchmarks.simulator.detectors.seated import people_seen, seated_people
 from benchmarks.simulator.detectors.tiles import detect_on_tiles, tiles
+from benchmarks.simulator.detectors.umbrellas import boxes_below_umbrellas, rim_m
 from benchmarks.simulator.detectors.yolo11 import Yolo11Detector
+from carstage.annotation.rle import encode_mask
 from carstage.config import load_config
 from carstage.errors import BadInputError
 from carstage.geometry.camera import intrinsics, project
 from carstage.geometry.coordinates import pose_matrix
+from carstage_sim.world.blueprints import catalogue
 
 
 def boxes(*rows):
@@ -402,6 +405,31 @@ def test_a_driver_is_no_box_off_class_but_none_that_recall_is_of(away_m, seen):
         assert x0 > 320, "his left is our right"
         assert match(people, [found("person", 0.6, x0, y0, x1, y1)], UNJUDGED).off_class == ()
         assert not one.judged
+
+
+def test_who_holds_an_umbrella_may_be_found_without_it():
+    names = [n for n in catalogue() if n.startswith("walker.") and rim_m(n) is not None]
+    assert len(names) > 5
+    rim = rim_m(names[0])
+    assert 0.6 < rim < 1.1, "at the head"
+    mask = np.zeros((480, 640), bool)
+    level = int(240 - 320 * (rim - 0.9) / 5.0)
+    mask[level - 12 : level + 1, 290:350] = True
+    mask[level - 8 : level + 100, 305:335] = True
+    row = {"bbox_modal": [290, level - 12, 350, level + 100]}
+    counts = encode_mask(mask, 0, 0, 640, 480)
+    frame = view_of(row, counts, names[0], "walker_adult", (-5.0, 0.0, 0.9))
+    (box,) = boxes_below_umbrellas(frame, CAMERA).values()
+    assert box[0] in (290, 305)
+    assert abs(box[1] - level) <= 2
+    assert box[3] == level + 100
+    objects = labelled_objects(
+        {1: {"class": "walker_adult", "parent_track_id": None}},
+        [{**row, "track_id": 1, "occlusion_ratio": 0, "truncated": 0, "alpha": None}],
+        {1: [305, level, 335, level + 100]},
+    )
+    for whole in ([290, level - 12, 350, level + 100], [305, level, 335, level + 100]):
+        assert match(objects, [found("person", 0.5, *whole)], UNJUDGED).found == (True,)
 
 
 def test_near_places_go_to_vehicles_of_every_kind_in_turn():

@@ -162,6 +162,21 @@ def test_one_tile_shows_the_whole_picture():
     assert one.box.tolist() == pytest.approx([30, 40, 290, 120], abs=7)
 
 
+def test_the_whole_picture_adds_only_what_no_smaller_tile_shows_whole():
+    class OnlyFromAfar(BrightSpot):
+        """Knows things only where they are small."""
+
+        def detect(self, tile):
+            found_boxes, scores = super().detect(tile)
+            small = (found_boxes[:, 2] - found_boxes[:, 0]) < 40
+            return found_boxes[small], scores[small]
+
+    picture = np.zeros((64, 128, 3), np.uint8)
+    picture[10:30, 5:55] = 255
+    assert detect_on_tiles(OnlyFromAfar(), picture, ("car", "bus")) == []
+    assert len(detect_on_tiles(BrightSpot(), picture, ("car", "bus"))) == 1
+
+
 def test_a_target_that_no_picture_tries_is_not_met_and_other_recalls_of_nothing_are_left_out():
     figures = {figure.name: figure for figure in figures_of("yolo", [])}
     assert not figures["yolo_recall_of_cars"].ok

@@ -107,6 +107,8 @@ class Material(IntEnum):
     """Repairs."""
     COVER = 76
     """Of a manhole or a gully."""
+    GLASS_TINTED = 77
+    """Privacy glass of cars, behind the front doors."""
 
 
 LEAF_CELLS: dict[Material, tuple[int, int]] = {

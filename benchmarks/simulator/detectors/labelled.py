@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,8 @@ from benchmarks.simulator.detectors.matching import (
     is_end_on,
 )
 from benchmarks.simulator.detectors.scenes import CAMERA, RAIN
+from benchmarks.simulator.detectors.seated import seated_people
+from benchmarks.simulator.detectors.umbrellas import boxes_below_umbrellas
 from carstage.dataset import Frame
 
 Row = Mapping[str, Any]
@@ -45,6 +48,7 @@ UNJUDGED = frozenset(
     }
 )  # fmt: skip
 """What towns and people have without a label of that class: no box of these is off class."""
+_NONE: Mapping[int, Sequence[float]] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +58,7 @@ class LabelledPicture:
     Attributes:
         view: the episode, and whose camera it is.
         frame, camera: where it is.
-        objects: all that is labelled and visible.
+        objects: all that is labelled and visible, and who is seen in vehicles.
     """
 
     view: str
@@ -75,16 +79,22 @@ def labelled_pictures(frames: Iterable[Frame]) -> Iterator[LabelledPicture]:
         for name, view in views.items():
             if view.has(CAMERA):
                 # Of a picture without anything labelled there is no row.
-                objects = labelled_objects(view.objects, view.camera_objects.get(CAMERA, ()))
-                yield LabelledPicture(f"{frame.episode.id}-{name}", view, CAMERA, objects)
+                rows = view.camera_objects.get(CAMERA, ())
+                picture = LabelledPicture(f"{frame.episode.id}-{name}", view, CAMERA, ())
+                below = boxes_below_umbrellas(view, CAMERA) if rows and picture.rain else {}
+                objects = labelled_objects(view.objects, rows, below)
+                yield replace(picture, objects=objects + seated_people(view, CAMERA))
 
 
-def labelled_objects(objects: Mapping[int, Row], rows: Sequence[Row]) -> tuple[LabelledObject, ...]:
+def labelled_objects(
+    objects: Mapping[int, Row], rows: Sequence[Row], below: Mapping[int, Sequence[float]] = _NONE
+) -> tuple[LabelledObject, ...]:
     """What a camera sees.
 
     Args:
         objects: rows of ``objects.parquet`` by track id.
         rows: of ``camera_objects.parquet``.
+        below: by track id, the box of who is seen below an umbrella.
     """
     riders = {
         objects[row["track_id"]]["parent_track_id"]: row["bbox_modal"]
@@ -92,15 +102,24 @@ def labelled_objects(objects: Mapping[int, Row], rows: Sequence[Row]) -> tuple[L
         if objects[row["track_id"]]["class"] == "rider" and row["bbox_modal"]
     }
     return tuple(
-        _labelled(objects[row["track_id"]]["class"], row, riders.get(row["track_id"]))
+        _labelled(
+            objects[row["track_id"]]["class"],
+            row,
+            riders.get(row["track_id"]),
+            below.get(row["track_id"]),
+        )
         for row in rows
         if row["bbox_modal"] and objects[row["track_id"]]["class"] in MAPPING
     )
 
 
-def _labelled(kind: str, row: Row, rider: Sequence[float] | None) -> LabelledObject:
+def _labelled(
+    kind: str, row: Row, rider: Sequence[float] | None, below: Sequence[float] | None
+) -> LabelledObject:
     group, names = MAPPING[kind]
     boxes = _with_rider(row["bbox_modal"], rider)
+    if below is not None:
+        boxes = np.concatenate([np.array([below], np.float32), boxes])
     visible = (1.0 - (row["occlusion_ratio"] or 0.0)) * (1.0 - (row["truncated"] or 0.0))
     high = float((boxes[:, 3] - boxes[:, 1]).max()) >= LEAST_HEIGHT_PX
     judged = high and visible >= LEAST_VISIBLE and (group != "two_wheeler" or rider is not None)

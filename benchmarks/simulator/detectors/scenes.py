@@ -44,6 +44,8 @@ _ACROSS = {
 Cars that follow each other in lanes do not see each other from the side.
 """
 _VIEWS = 3 + len(_CARS)
+_LABELS_M = 500
+"""As far as a detector finds cars: those without a label would be off class."""
 _WARMUP_TICKS = 60
 """Of 0.1 s: vehicles are on their way then, and walkers walk."""
 
@@ -65,7 +67,7 @@ def configuration(pictures: int = PICTURES, seed: int = 25) -> dict[str, Any]:
         "duration_s": 0.1,
         "fps": 10,
         "timing": {"warmup_ticks": _WARMUP_TICKS},
-        "max_distance_m": 150,
+        "max_distance_m": _LABELS_M,
         "map": {"choice": list(_TOWNS)},
         "weather": {"choice": list(_WEATHERS)},
         "vehicles": {"count": 10, "radius_m": 70, "groups": groups},

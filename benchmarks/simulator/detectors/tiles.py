@@ -19,6 +19,8 @@ _SAME_IOU = 0.5
 """Boxes of one class that overlap by more are of one object."""
 _BORDER = 0.02
 """Share of a tile: a box that ends so near the tile's border may be of an object's part."""
+_GREY = 114
+"""Beside a picture that is no square, as YOLO's are trained with."""
 
 
 class Detector(Protocol):
@@ -35,11 +37,13 @@ class Detector(Protocol):
 def tiles(width: int, height: int, side: int) -> list[tuple[int, int, int]]:
     """Left, top and side (px) of squares that cover a picture.
 
-    Squares of the picture's height, and squares of the network's side, which it sees unscaled.
+    Squares of the picture's height; squares of the network's side, which it sees unscaled; and one
+    around the whole picture, as no other shows all of a bus that is near.
     """
+    sides = sorted({min(width, height), min(side, width, height)}, reverse=True)
     return [
         (left, top, one)
-        for one in sorted({min(width, height), min(side, width, height)}, reverse=True)
+        for one in [*sides, *[max(width, height)] * (width != height)]
         for top in _starts(height, one)
         for left in _starts(width, one)
     ]
@@ -78,19 +82,33 @@ def detect_on_tiles(
 def _by_tile(detector: Detector, picture: NDArray[np.uint8]) -> Iterator[tuple[Array, Array]]:
     """Boxes in the picture and their scores, tile by tile, without those that a border cuts."""
     height, width = picture.shape[:2]
-    for left, top, side in tiles(width, height, detector.side):
-        cut = Image.fromarray(picture[top : top + side, left : left + side])
+    squares = tiles(width, height, detector.side)
+    for left, top, side in squares:
+        part = picture[top : top + side, left : left + side]
+        beyond = [(0, side - length) for length in part.shape[:2]]
+        cut = Image.fromarray(np.pad(part, [*beyond, (0, 0)], constant_values=_GREY))
         tile = cut.resize((detector.side, detector.side), Image.Resampling.BILINEAR)
         boxes, scores = detector.detect(np.asarray(tile, np.float32))
         boxes = boxes * np.float32(side / detector.side)
-        corner = np.array([left, top], np.float32)
-        limit = np.array([width, height], np.float32) - corner
-        ends = (boxes[:, :2] < side * _BORDER) & (corner > 0)
-        ends |= (boxes[:, 2:] > side * (1.0 - _BORDER)) & (limit > side)
-        whole = ~ends.any(axis=1)
-        boxes = np.concatenate([boxes[:, :2] + corner, boxes[:, 2:] + corner], axis=1)[whole]
+        corner = np.array([left, top, left, top], np.float32)
+        whole = _holds((left, top, side), boxes + corner, width, height)
+        if side > height or side > width:
+            # All that a smaller square shows whole is looked at there.
+            for smaller in squares[:-1]:
+                whole = whole & ~_holds(smaller, boxes + corner, width, height)
+        boxes = (boxes + corner)[whole]
         boxes = np.clip(boxes, 0.0, np.array([width, height, width, height], np.float32))
         yield boxes.astype(np.float32), scores[whole]
+
+
+def _holds(tile: tuple[int, int, int], boxes: Array, width: int, height: int) -> NDArray[np.bool_]:
+    """Which boxes of the picture end within a tile, but for where the picture ends."""
+    left, top, side = tile
+    low = np.array([left, top], np.float32)
+    margin = side * _BORDER
+    ends = (boxes[:, :2] < low + margin) & (low > 0)
+    ends |= (boxes[:, 2:] > low + side - margin) & (np.array([width, height]) - low > side)
+    return np.asarray(~ends.any(axis=1), np.bool_)
 
 
 def _strongest(boxes: Array, scores: Array) -> Iterator[tuple[Array, float]]:

@@ -113,7 +113,7 @@ class BodyShape:
         cladding: height up to which the sills are bare plastic.
         mirrors: whether outside mirrors reach out to the box's sides.
         rear_glass: z from, z to and half width as a share of a window in an upright rear face.
-        tinted: whether the windows behind the front doors are of dark glass.
+        tinted: whether the windows behind the front doors are of privacy glass.
         screen_foot: half width of the windscreen's foot, as a share of the body's there.
         tall_mirrors: whether mirrors are upright plates on arms, as a lorry has them.
         rails: whether the roof has rails.
@@ -173,7 +173,7 @@ class BodyShape:
     @property
     def rear_pane(self) -> Material:
         """Glass of the windows behind the front doors."""
-        return Material.GLASS_DARK if self.tinted else Material.GLASS
+        return Material.GLASS_TINTED if self.tinted else Material.GLASS
 
 
 @dataclass(frozen=True, slots=True)
@@ -409,15 +409,52 @@ class CarBody:
     def _add_face(self, builder: ShapeBuilder, half: Array, end: float) -> None:
         """Close an end: rows between the section's left and right side."""
         share = np.linspace(-1.0, 1.0, 11)
-        y = half[1:, :1] * share
-        z = np.repeat(half[1:, 1:], len(share), axis=1)
-        # The middle of the roof is one point: the last row shrinks to it.
-        points = self.place(np.full_like(y, end), y, z)
-        rows = uniform(Material.PAINT, len(points) - 1, len(share) - 1)
+        rows = uniform(Material.PAINT, len(half) - 2, len(share) - 1)
         rows[:2] = Material.PLASTIC_DARK
         if half[self.MIDDLE, 1] - half[self.BELT, 1] > _LEAST_CABIN * self.frame.height:
             rows[self.GLASS - 1 :] = self.shape.roof
+        half = rim = half[1:]
+        if end < 0 and self.shape.rear_glass is not None:
+            half, share, rows = self._with_opening(half, share, rows, self.shape.rear_glass)
+        y = half[:, :1] * share
+        z = np.repeat(half[:, 1:], len(share), axis=1)
+        # The middle of the roof is one point: the last row shrinks to it.
+        points = self.place(np.full_like(y, end), y, z)
+        if half is not rim:
+            # The sides have no points where rows were added: no gap opens between the two.
+            ends = self.place(np.full(len(rim), end), rim[:, 0], rim[:, 1])[:, 0]
+            points[:, [0, -1], 0] = np.interp(half[:, 1], rim[:, 1], ends)[:, None]
         builder.grid(points if end < 0 else points[:, ::-1], rows)
+
+    def _with_opening(
+        self,
+        half: Array,
+        share: Array,
+        rows: NDArray[np.uint8],
+        glass: tuple[float, float, float],
+    ) -> tuple[Array, Array, NDArray[np.uint8]]:
+        """A face's sections, columns and materials with a pane between more of both.
+
+        Args:
+            half: ``(R, 2)`` y, z of the rows.
+            share: ``(C,)`` of the half width.
+            rows: ``(R - 1, C - 1)`` materials.
+            glass: z from, z to (shares of the height), half width as a share.
+        """
+        sill, lintel, wide = glass
+        # At the foot several points stand at one height.
+        rising = np.append(np.diff(half[:, 1]) > 0.0, True)
+        half, rows = half[rising], rows[rising[:-1]]
+        levels = np.array([sill, lintel]) * self.frame.height
+        z = np.unique(np.concatenate([half[:, 1], levels]))
+        columns = np.unique(np.concatenate([share, [-wide, wide]]))
+        level, column = (z[:-1] + z[1:]) / 2, (columns[:-1] + columns[1:]) / 2
+        row = np.searchsorted(half[:, 1], level) - 1
+        materials = rows[row][:, np.searchsorted(share, column) - 1]
+        seen = (level > levels[0]) & (level < levels[1])
+        materials[np.ix_(seen, np.abs(column) < wide)] = self.shape.rear_pane
+        sections = np.stack([np.interp(z, half[:, 1], half[:, 0]), z], axis=1)
+        return sections, columns, materials
 
     def roof(self, x: float) -> float:
         """Height in metres of the middle line at relative ``x``."""

@@ -311,15 +311,18 @@ def _add_ledge(builder: ShapeBuilder, body: CarBody, floor: float, top: float) -
 
 
 def add_rear_glass(builder: ShapeBuilder, body: CarBody) -> None:
-    """Add the window of an upright rear face, where the shape has one."""
+    """Add the frame of the window in an upright rear face, where the shape has one."""
     s = body.shape
     if s.rear_glass is None:
         return
     sill, lintel, wide = s.rear_glass
-    frame = [(u * (wide + 0.03), sill - 0.02, lintel + 0.02) for u in _even(7)]
-    body.panel(builder, _REAR, frame, Material.PLASTIC_DARK, raised=0.004)
-    pane = [(u * wide, sill, lintel) for u in _even(7)]
-    body.panel(builder, _REAR, pane, s.rear_pane)
+    outer = (sill - 0.02, lintel + 0.02)
+    for low, high in ((outer[0], sill), (lintel, outer[1])):
+        strip = [(u * wide, low, high) for u in _even(7)]
+        body.panel(builder, _REAR, strip, Material.PLASTIC_DARK, raised=0.004, rows=1)
+    for sign in (-1.0, 1.0):
+        strip = [(sign * u, *outer) for u in (wide, wide + 0.03)]
+        body.panel(builder, _REAR, strip, Material.PLASTIC_DARK, raised=0.004)
 
 
 def add_tail_lamps(builder: ShapeBuilder, body: CarBody) -> None:

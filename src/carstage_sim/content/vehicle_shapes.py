@@ -278,11 +278,11 @@ _OUTLINES: dict[str, BodyShape] = {
     "nissan.patrol": replace(
         _SUV,
         top=(
-            (-1.0, 0.86), (-0.99, 0.93), (-0.96, 0.975), (-0.6, 1.0), (0.10, 0.995), (0.22, 0.965),
+            (-1.0, 0.91), (-0.99, 0.95), (-0.96, 0.98), (-0.6, 1.0), (0.10, 0.995), (0.22, 0.965),
             (0.40, 0.70), (0.45, 0.68), (0.80, 0.66), (0.95, 0.64), (0.985, 0.615), (1.0, 0.57),
         ),
         belt=((-1.0, 0.61), (0.3, 0.61), (0.5, 0.60), (0.8, 0.59), (0.95, 0.58), (1.0, 0.52)),
-        width=_SQUARE, rear_window=(-1.2, -1.1), rear_glass=(0.64, 0.89, 0.76),
+        width=_SQUARE, rear_window=(-1.2, -1.1), rear_glass=(0.64, 0.88, 0.76),
         windscreen=(0.21, 0.41), side_glass=(-0.92, 0.34), pillars=(-0.54, -0.06), leans=(),
         pillar=Material.PAINT, tumblehome=0.13, nose_round=0.10, tail_round=0.06, nose_lean=0.02,
         tail_lean=0.01, head_lamp=(0.55, 0.97, 0.45, 0.55), lamps=Lamps.SQUARE,

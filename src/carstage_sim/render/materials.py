@@ -159,6 +159,7 @@ APPEARANCES: dict[Material, MaterialAppearance] = {
     Material.SIGN_YELLOW: MaterialAppearance((222, 226, 40), 0.5, 0.05),
     Material.DISPLAY: MaterialAppearance((214, 128, 20), 0.6, 0.02, glow=Glow.DISPLAY),
     Material.GLASS_DARK: MaterialAppearance((14, 17, 20), 0.03, 0.08),
+    Material.GLASS_TINTED: MaterialAppearance((14, 17, 20), 0.03, 0.08, Detail.GLAZING),
     Material.CLOTH_ACCENT: MaterialAppearance(
         (186, 186, 182), 0.95, 0.02, Detail.CLOTH, paint=Paint.ACCENT
     ),

@@ -79,11 +79,18 @@ _THROUGH_WITHIN_M: Any = np.float32(40.0)
 """Distance from the camera from which nobody sees what is behind glass."""
 _CABIN_M: Any = np.float32(14.0)
 """Length of the longest room behind a pane."""
-_INDOOR_SKY: Any = np.float32(0.42)
+_INDOOR_SKY: Any = np.float32(0.24)
 _INDOOR_SUN: Any = np.float32(0.16)
-"""Shares of the light that come to the inside of a car."""
+"""Shares of the light that come to the inside of a car.
+
+Panes are a fifth of the walls around a cabin, a third of what somebody beside one sees, and let
+three quarters of the light in.
+"""
 _PANE: Any = np.float32(0.68)
-"""Share of the light that a pane lets through."""
+_TINTED_PANE: Any = np.float32(0.22)
+"""Shares of the light that a pane lets through, the second of privacy glass."""
+_TINTED = int(Material.GLASS_TINTED)
+_TWO: Any = np.float32(2)
 _BEYOND_PANE_M: Any = np.float32(5e-3)
 _ROOM_SUN: Any = np.float32(0.3)
 """Share of the sun that comes to rooms of houses, where its shadows would lie on the pane."""
@@ -233,6 +240,23 @@ def mirrored(frame, scratch, skip, o, d, lamps_on):  # type: ignore[no-untyped-d
     )
 
 
+@inlined
+def _pane(m):  # type: ignore[no-untyped-def]
+    """Share of the light that a car's pane of a material lets through."""
+    return _TINTED_PANE if m == _TINTED else _PANE
+
+
+@inlined
+def mirrored_by_pane(f0, grazing):  # type: ignore[no-untyped-def]
+    """What the two faces of a pane mirror, of which ``f0`` at normal incidence.
+
+    Schlick's approximation of one face; light that goes to and fro between both is added up.
+    """
+    one = f0 / (_TWO - f0)
+    one += (_ONE - one) * grazing
+    return _TWO * one / (_ONE + one)
+
+
 @device
 def _seen_through(frame, scratch, skip, o, d, owner, lamps_on):  # type: ignore[no-untyped-def]
     """Radiance from behind a pane: its own object's inside in half light, or what is beyond.
@@ -253,9 +277,9 @@ def _seen_through(frame, scratch, skip, o, d, owner, lamps_on):  # type: ignore[
     px, py, pz = o[0] + dx * distance, o[1] + dy * distance, o[2] + dz * distance
     pane = inside and materials.detail[m] == GLAZING
     if pane or not inside:
-        share = _PANE if pane else _ONE
-        beyond = o
+        share, beyond = _ONE, o
         if pane:
+            share = _pane(m)
             beyond = (px + dx * _BEYOND_PANE_M, py + dy * _BEYOND_PANE_M, pz + dz * _BEYOND_PANE_M)
         r, g, b = mirrored(frame, scratch, skip, beyond, d, lamps_on)
         return r * share, g * share, b * share
@@ -437,7 +461,7 @@ def unmirrored(frame, rays, scratch, epic, lamps_on, i, d, distance, p, pixel, n
         o = lifted((px, py, pz), (-gx, -gy, -gz), distance)
         owner = (hit_actor, int(surfaces.object_id[number]))
         tr, tg, tb = _seen_through(frame, scratch, rays.skip, o, d, owner, lamps_on)
-        near = _PANE * min((_THROUGH_WITHIN_M - distance) * np.float32(0.1), _ONE)
+        near = _pane(m) * min((_THROUGH_WITHIN_M - distance) * np.float32(0.1), _ONE)
         r, g, b = r + tr * near, g + tg * near, b + tb * near
     fresnel, rx, ry, rz = -_ONE, _ZERO, _ZERO, _ZERO
     town = False
@@ -446,7 +470,8 @@ def unmirrored(frame, rays, scratch, epic, lamps_on, i, d, distance, p, pixel, n
         facing = min(abs(dx * nx + dy * ny + dz * nz), _ONE)
         grazing = _ONE - facing
         square = grazing * grazing
-        fresnel = f0 + (_ONE - f0) * (square * square * grazing) * smooth * smooth
+        grazing *= square * square * smooth * smooth
+        fresnel = mirrored_by_pane(f0, grazing) if kind == GLAZING else f0 + (_ONE - f0) * grazing
         back = np.float32(2) * (dx * nx + dy * ny + dz * nz)
         rx, ry, rz = dx - back * nx, dy - back * ny, dz - back * nz
         glossy = pool > _MIRRORING_WATER or (epic and rough < _MIRRORING_ROUGHNESS)

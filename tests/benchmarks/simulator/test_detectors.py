@@ -33,11 +33,17 @@ from benchmarks.simulator.detectors.matching import (
     overlaps,
 )
 from benchmarks.simulator.detectors.packages import COCO_NAMES
-from benchmarks.simulator.detectors.scenes import CAMERA, configuration
+from benchmarks.simulator.detectors.scenes import CAMERA, RAIN, configuration
+from benchmarks.simulator.detectors.seated import people_seen, seated_people
 from benchmarks.simulator.detectors.tiles import detect_on_tiles, tiles
+from benchmarks.simulator.detectors.umbrellas import boxes_below_umbrellas, rim_m
 from benchmarks.simulator.detectors.yolo11 import Yolo11Detector
+from carstage.annotation.rle import encode_mask
 from carstage.config import load_config
 from carstage.errors import BadInputError
+from carstage.geometry.camera import intrinsics, project
+from carstage.geometry.coordinates import pose_matrix
+from carstage_sim.world.blueprints import catalogue
 
 
 def boxes(*rows):
@@ -144,6 +150,31 @@ def test_tiles_cover_the_picture_and_overlap_by_a_quarter(side):
             assert starts[0] == 0
             assert starts[-1] == length - one
             assert max(np.diff(starts), default=0) <= 0.75 * one + 1
+
+
+def test_one_tile_shows_the_whole_picture():
+    """A bus that is near is wider than squares of the picture's height."""
+    assert tiles(1280, 720, 512)[-1] == (0, 0, 1280)
+    assert tiles(720, 720, 512).count((0, 0, 720)) == 1
+    picture = np.zeros((200, 320, 3), np.uint8)
+    picture[40:120, 30:290] = 255
+    (one,) = detect_on_tiles(LooseSpot(), picture, ("car", "bus"))
+    assert one.box.tolist() == pytest.approx([30, 40, 290, 120], abs=7)
+
+
+def test_the_whole_picture_adds_only_what_no_smaller_tile_shows_whole():
+    class OnlyFromAfar(BrightSpot):
+        """Knows things only where they are small."""
+
+        def detect(self, tile):
+            found_boxes, scores = super().detect(tile)
+            small = (found_boxes[:, 2] - found_boxes[:, 0]) < 40
+            return found_boxes[small], scores[small]
+
+    picture = np.zeros((64, 128, 3), np.uint8)
+    picture[10:30, 5:55] = 255
+    assert detect_on_tiles(OnlyFromAfar(), picture, ("car", "bus")) == []
+    assert len(detect_on_tiles(BrightSpot(), picture, ("car", "bus"))) == 1
 
 
 def test_a_target_that_no_picture_tries_is_not_met_and_other_recalls_of_nothing_are_left_out():
@@ -319,7 +350,8 @@ def test_a_picture_without_labelled_objects_is_looked_at_too():
     class View:
         camera_objects: ClassVar[dict[str, list[object]]] = {}
         objects: ClassVar[dict[int, object]] = {}
-        episode = SimpleNamespace(id="e", agents=("corner", "blind"))
+        spec = SimpleNamespace(weather=SimpleNamespace(preset=RAIN))
+        episode = SimpleNamespace(id="e", agents=("corner", "blind"), spec=spec)
 
         def __init__(self, cameras: tuple[str, ...] = (CAMERA,)) -> None:
             self.cameras = cameras
@@ -333,6 +365,86 @@ def test_a_picture_without_labelled_objects_is_looked_at_too():
     pictures = list(labelled_pictures([View()]))
     assert [one.view for one in pictures] == ["e-ego", "e-corner"]
     assert [one.objects for one in pictures] == [(), ()]
+
+
+def view_of(row, mask, blueprint, kind, eye):
+    """A frame with one actor at the origin and a camera of 640x480 that looks along x."""
+    sensor = SimpleNamespace(
+        width=640, height=480, project=lambda p: project(p, intrinsics(640, 480, 90.0))
+    )
+    camera = SimpleNamespace(calibration_at=lambda k: sensor)
+    told = {
+        "class": kind,
+        "blueprint": blueprint,
+        "actor_location": [0.0, 0.0, 0.0],
+        "actor_rotation_deg": [0.0, 0.0, 0.0],
+    }
+    return SimpleNamespace(
+        k=0,
+        objects={1: told},
+        camera_objects={CAMERA: [{"track_id": 1, "mask_modal": mask, **row}]},
+        episode=SimpleNamespace(sensor=lambda camera_id: camera),
+        world_from_sensor=lambda camera_id: pose_matrix(eye, [0.0, 0.0, 0.0]),
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "eye", "seen"),
+    [
+        ("citroen.c3", (7.0, 0.0, 1.6), 1),
+        ("citroen.c3", (0.3, -5.0, 1.5), 1),
+        # His seat hides the driver, and the boot's door a lorry's.
+        ("citroen.c3", (-7.0, 0.0, 1.6), 0),
+        ("carlamotors.european_hgv", (-9.0, 0.0, 1.6), 0),
+        ("mitsubishi.fusorosa", (0.0, -6.0, 1.6), 4),
+        ("nobody.knows", (7.0, 0.0, 1.6), 0),
+    ],
+)
+def test_people_in_vehicles_are_seen_through_their_windows(name, eye, seen):
+    people = list(people_seen(f"vehicle.{name}", np.array(eye)))
+    assert len(people) == seen
+    for points in people:
+        assert 0.4 < np.ptp(points[:, 2]) < 1.0
+
+
+@pytest.mark.parametrize(("away_m", "seen"), [(5.0, 1), (41.0, 0)])
+def test_a_driver_is_no_box_off_class_but_none_that_recall_is_of(away_m, seen):
+    row = {"bbox_modal": [0, 0, 9, 9], "distance": away_m}
+    frame = view_of(row, None, "vehicle.citroen.c3", "car", (-away_m, 0.0, 1.4))
+    # The camera looks along x: the car turns to show its front.
+    frame.objects[1]["actor_rotation_deg"] = [0.0, 180.0, 0.0]
+    people = seated_people(frame, CAMERA)
+    assert len(people) == seen
+    for one in people:
+        x0, y0, x1, y1 = one.boxes[0].tolist()
+        assert x0 > 320, "his left is our right"
+        assert match(people, [found("person", 0.6, x0, y0, x1, y1)], UNJUDGED).off_class == ()
+        assert not one.judged
+
+
+def test_who_holds_an_umbrella_may_be_found_without_it():
+    names = [n for n in catalogue() if n.startswith("walker.") and rim_m(n) is not None]
+    assert len(names) > 5
+    rim = rim_m(names[0])
+    assert 0.6 < rim < 1.1, "at the head"
+    mask = np.zeros((480, 640), bool)
+    level = int(240 - 320 * (rim - 0.9) / 5.0)
+    mask[level - 12 : level + 1, 290:350] = True
+    mask[level - 8 : level + 100, 305:335] = True
+    row = {"bbox_modal": [290, level - 12, 350, level + 100]}
+    counts = encode_mask(mask, 0, 0, 640, 480)
+    frame = view_of(row, counts, names[0], "walker_adult", (-5.0, 0.0, 0.9))
+    (box,) = boxes_below_umbrellas(frame, CAMERA).values()
+    assert box[0] in (290, 305)
+    assert abs(box[1] - level) <= 2
+    assert box[3] == level + 100
+    objects = labelled_objects(
+        {1: {"class": "walker_adult", "parent_track_id": None}},
+        [{**row, "track_id": 1, "occlusion_ratio": 0, "truncated": 0, "alpha": None}],
+        {1: [305, level, 335, level + 100]},
+    )
+    for whole in ([290, level - 12, 350, level + 100], [305, level, 335, level + 100]):
+        assert match(objects, [found("person", 0.5, *whole)], UNJUDGED).found == (True,)
 
 
 def test_near_places_go_to_vehicles_of_every_kind_in_turn():

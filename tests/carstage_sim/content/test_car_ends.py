@@ -13,7 +13,7 @@ from carstage_sim.content.vehicles import vehicle_mesh
 from carstage_sim.mesh import Material
 from carstage_sim.world.blueprints import catalogue
 
-_PANES = (Material.GLASS, Material.GLASS_DARK)
+_PANES = (Material.GLASS, Material.GLASS_TINTED)
 
 
 class Seen:
@@ -71,7 +71,7 @@ def test_the_rear_window_of_an_suv_begins_at_its_waist_and_ends_below_the_roof()
     """A window up to the roof over a tall blank sheet is a van's."""
     seen = Seen("nissan.patrol_2021")
     materials = [seen.behind(0.30, share)[0] for share in (0.63, 0.70, 0.85, 0.93)]
-    pane = Material.GLASS_DARK
+    pane = Material.GLASS_TINTED
     assert materials == [Material.PAINT, pane, pane, Material.PAINT]
 
 
@@ -79,6 +79,19 @@ def test_the_cabin_of_a_big_suv_is_narrower_than_its_body():
     seen = Seen("nissan.patrol_2021")
     half = [abs(seen.met((0.0, 5.0, share * seen.high[2]), 1, -1.0)[1]) for share in (0.52, 0.90)]
     assert half[1] < 0.83 * half[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "y", "share"),
+    [("jeep.wrangler_rubicon", 0.45, 0.85), ("nissan.patrol", 0.45, 0.80),
+     ("mercedes.sprinter", 0.30, 0.70), ("mitsubishi.fusorosa", 0.30, 0.60)],
+)  # fmt: skip
+def test_no_sheet_metal_is_right_behind_the_window_of_an_upright_rear_door(name, y, share):
+    seen = Seen(name)
+    pane, x = seen.behind(y, share)
+    assert pane in _PANES
+    beyond, next_x = seen.met((x + 0.001, y, share * seen.high[2]), 0, 1.0)
+    assert next_x - x > 0.3, beyond
 
 
 @pytest.mark.parametrize("name", ["nissan.patrol_2021", "seat.leon", "mercedes.coupe_2020"])

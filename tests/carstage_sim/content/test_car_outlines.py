@@ -12,7 +12,7 @@ from carstage_sim.content.vehicles import vehicle_mesh
 from carstage_sim.mesh import Material
 from carstage_sim.world.blueprints import catalogue
 
-_PANES = (Material.GLASS, Material.GLASS_DARK)
+_PANES = (Material.GLASS, Material.GLASS_TINTED)
 _JEEP = "jeep.wrangler_rubicon"
 
 
@@ -91,7 +91,7 @@ def test_a_windscreen_stands_where_its_models_does(name, share):
 def test_a_painted_pillar_divides_the_rear_quarter_window_of_a_big_suv(name):
     mesh = mesh_of(name)
     _, seen = beside(mesh, 0.80)
-    pane, paint = Material.GLASS_DARK, Material.PAINT
+    pane, paint = Material.GLASS_TINTED, Material.PAINT
     # The tailgate's window, the rearmost pillar, the quarter window, the pillar, the rear door's.
     kinds = [k for k in runs_of(seen) if k in (paint, *_PANES)]
     assert kinds[:5] == [pane, paint, pane, paint, pane]
@@ -168,7 +168,7 @@ def test_one_sees_through_all_of_a_wranglers_side_windows_under_a_dark_top():
     mesh = mesh_of(_JEEP)
     _, seen = beside(mesh, 0.80)
     assert seen.count(Material.GLASS) > 0.35 * len(seen)
-    assert Material.GLASS_DARK not in seen
+    assert Material.GLASS_TINTED not in seen
     assert first_met(mesh, (-0.5, 0.1, 9.0), 2, -1.0) is Material.PLASTIC_DARK
     assert ahead(mesh, 0.29, 0.02) in (
         Material.LICENCE_PLATE, Material.PAINT_BLACK, Material.SIGN_BLUE,

@@ -154,14 +154,14 @@ def test_the_tailgate_of_a_hatch_or_suv_has_a_dark_window_half_way_up(name):
     mesh = mesh_of(catalogue()[f"vehicle.{name}"])
     corners = mesh.vertices[mesh.triangles].astype(np.float64)
     low, high = mesh.bounds.astype(np.float64)
-    for share, material in ((0.55, Material.PAINT), (0.74, Material.GLASS_DARK),
-                            (0.86, Material.GLASS_DARK)):  # fmt: skip
+    for share, material in ((0.55, Material.PAINT), (0.74, Material.GLASS_TINTED),
+                            (0.86, Material.GLASS_TINTED)):  # fmt: skip
         behind = np.array([low[0] - 5.0, 0.21, share * high[2]])
         assert mesh.material[first_triangle(corners, behind, 1.0)] == material, share
     # One sees through the front doors' windows: no dark glass ahead of the middle pillar.
     clear = corners[mesh.material == Material.GLASS].mean(axis=1)
     sides = np.abs(clear[:, 1]) > 0.3 * high[1]
-    assert clear[sides, 0].min() > corners[mesh.material == Material.GLASS_DARK, :, 0].min() + 1.5
+    assert clear[sides, 0].min() > corners[mesh.material == Material.GLASS_TINTED, :, 0].min() + 1.5
 
 
 def from_behind(name, y, share):
@@ -199,7 +199,7 @@ def test_a_hatchback_falls_to_the_rear_behind_a_wide_pillar(name):
     behind = mesh.vertices[:, 0] < low[0] + 0.14 * (high[0] - low[0])
     assert mesh.vertices[behind, 2].max() < 0.95 * high[2]
     corners = mesh.vertices[mesh.triangles].astype(np.float64)
-    panes = np.isin(mesh.material, (Material.GLASS, Material.GLASS_DARK))
+    panes = np.isin(mesh.material, (Material.GLASS, Material.GLASS_TINTED))
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     aside = np.abs(normal[:, 1]) > 0.8 * np.linalg.norm(normal, axis=1)
     rear = corners[panes & aside, :, 0].min()

@@ -15,6 +15,7 @@ from carstage_sim.render.film import Film
 from carstage_sim.render.materials import APPEARANCES, linear_colour
 from carstage_sim.render.picture import Picture, PictureMaker
 from carstage_sim.render.scene import PAINTS, Placement
+from carstage_sim.render.shading import mirrored_by_pane
 from carstage_sim.sensors.view import Camera, pixel_rays
 from carstage_sim.world.state import Weather
 from ray_scenes import frame_of, turned_box
@@ -133,11 +134,11 @@ def test_the_ground_under_a_car_is_dark_where_no_sun_shines():
     assert light[under].mean() < 0.35 * light[beside].mean()
 
 
-def behind_glass(*behind, static=()):
+def behind_glass(*behind, static=(), kind=Material.GLASS):
     """Mean colour of a pane that an actor carries, with things behind it."""
     pane = build_mesh(
         [[-3.0, -2.0, 0.0], [-3.0, 2.0, 0.0], [-3.0, 2.0, 3.0], [-3.0, -2.0, 3.0]],
-        [[0, 1, 2], [0, 2, 3]], Material.GLASS, CityObjectLabel.CAR,
+        [[0, 1, 2], [0, 2, 3]], kind, CityObjectLabel.CAR,
     )  # fmt: skip
     ground = merge_meshes([GROUND, *static])
     mesh = merge_meshes([pane, *behind])
@@ -174,6 +175,38 @@ def test_a_second_pane_shows_the_street_beyond_darker():
     two = behind_glass(wall(Material.GLASS, x=-2.0), static=street)
     seat = behind_glass(wall(Material.SEAT, x=-2.0), static=street)
     assert seat.mean() + 5 < two.mean() < one.mean() - 5
+
+
+def test_privacy_glass_shows_a_third_of_what_clear_glass_does():
+    """It lets 22 % of the light through, clear glass 68 %."""
+    red, dark = wall(Material.SIGN_RED), wall(Material.PAINT_BLACK)
+
+    def shown(kind):
+        lit, unlit = (
+            linear_colour(behind_glass(one, kind=kind).astype(np.uint8)) for one in (red, dark)
+        )
+        return lit[0] - unlit[0]
+
+    assert shown(Material.GLASS_TINTED) > 0.002
+    assert shown(Material.GLASS_TINTED) == pytest.approx(0.32 * shown(Material.GLASS), rel=0.25)
+
+
+def test_both_faces_of_a_pane_mirror():
+    """Fresnel's equations for crown glass (n = 1.52): 8 % head on, 16 % at 60 degrees."""
+
+    def share(grazing):
+        return mirrored_by_pane.py_func(np.float32(0.08), np.float32(grazing))
+
+    def fresnel(angle_rad):
+        inside = np.arcsin(np.sin(angle_rad) / 1.52)
+        across = np.sin(angle_rad - inside) / np.sin(angle_rad + inside)
+        along = np.tan(angle_rad - inside) / np.tan(angle_rad + inside)
+        return np.mean([2 * r / (1 + r) for r in (across**2, along**2)])
+
+    for angle_deg in (20.0, 45.0, 60.0, 75.0):
+        angle = np.radians(angle_deg)
+        assert share((1.0 - np.cos(angle)) ** 5) == pytest.approx(fresnel(angle), abs=0.035)
+    assert share(0.0) == pytest.approx(0.08, abs=1e-6)
 
 
 def test_paint_takes_the_instances_colour():

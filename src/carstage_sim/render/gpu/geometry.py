@@ -73,7 +73,7 @@ class GpuGeometry:
         self._reserved = 256
         self._town = (0, 0, 0)
         self._roots = np.empty(0, np.int32)
-        self._depth = 0
+        self._depth = self._town_depth = 0
         self._scene: Scene | None = None
         self.nodes = gpu.storage(self._reserved * _NODE * 4)
         self.triangles = gpu.storage(_TRIANGLE * 4)
@@ -124,7 +124,7 @@ class GpuGeometry:
             self._gpu.write(self.triangles, town_triangles)
         self._static, self._actors = static, actors
         self._roots = tree.first + np.int32(first)
-        self._depth = max(tree.depth, town_depth)
+        self._depth, self._town_depth = tree.depth, town_depth
 
     def _upload_instances(self, scene: Scene, over: BinaryTree) -> None:
         rows = scene.top_row
@@ -140,5 +140,6 @@ class GpuGeometry:
         self._gpu.write(self.nodes, node_words(over, 0, np.arange(len(rows), dtype=np.int32)))
         root = self._reserved if len(scene.static.planes) else -1
         self._gpu.write(self.extent, np.array([len(rows) > 0, root, 0, 0], np.int32))
-        needed = self._depth + over.depth + 2
-        self.stack = max(self.stack, -(-needed // 16) * 16)
+        # The town's nodes and those over instances do not wait at the same time.
+        needed = max(self._town_depth, self._depth + over.depth) + 2
+        self.stack = max(self.stack, -(-needed // 8) * 8)

@@ -1,7 +1,7 @@
 """The passes of several cameras in a card's queue, side by side.
 
-A pass ends when its last ray has found its way, however few are left by then: what several cameras
-do at the same stage is begun together, and the next stage when all have ended.
+A card waits between stages, until the last ray has found its way: what several cameras do at the
+same stage is begun together. Extra rays of pixels on edges are listed, so that no lane idles.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.render.gpu.caster import GpuCaster, groups_of
+from carstage_sim.render.gpu.caster import GpuCaster, groups_of, tracing_groups
 from carstage_sim.render.gpu.device import Gpu
-from carstage_sim.render.gpu.program import WRITES_HITS, CameraProgram
+from carstage_sim.render.gpu.program import TRACING, WRITES_HITS, CameraProgram
 from carstage_sim.render.gpu.transfer import Readback
 
 SHOT_WORDS = 76
@@ -180,8 +180,7 @@ class Exposure:
             compute: where it is recorded.
             entry: its name.
             band: of the picture, -1 for all of it.
-            extra: whether it is about extra rays: the card alone knows how many there are, and
-                what finds none ends at once.
+            extra: whether it is about extra rays: the card alone knows how many there are.
         """
         place, program = self.place, self._program
         batch = place.whole if band < 0 else place.bands[band]
@@ -196,7 +195,7 @@ class Exposure:
             self._group((entry, band), program.last[entry], last),
         )
         invocations = place.most_extra if extra else place.invocations
-        size = groups_of(invocations)
+        size = tracing_groups(invocations) if entry in TRACING else groups_of(invocations)
         self._gpu.dispatch(compute, program.pipeline(entry), groups, size)
 
     def _group(self, key: Any, layout: Any, buffers: Sequence[Any]) -> Any:

@@ -34,6 +34,8 @@ from carstage_sim.render.surface import facing_normals
 _ARENAS = 2
 """Bind group of the frame's arrays; 0 is the scene, 1 the camera, 3 what a pass alone needs."""
 _HIT = ("f32", "i32", "i32", "f32", "f32")
+TRACING = ("shoot", "reach", "shade")
+"""Passes that trace rays."""
 WRITES_HITS = ("shoot", "reach")
 """Passes that write what rays met."""
 _LAST = {
@@ -136,12 +138,12 @@ class CameraProgram:
 
     def pipeline(self, entry: str) -> Any:
         """The pipeline of an entry point."""
-        depth = self._caster.geometry.stack if entry in _TRACING else 0
+        depth = self._caster.geometry.stack if entry in TRACING else 0
         key = (entry, depth)
         if key not in self._pipelines:
             writes = entry in WRITES_HITS
             layouts = [self._caster.scene_layout, self.shot[writes], self.arena_layout]
-            code = self._caster.source() if entry in _TRACING else self._gpu.constants
+            code = self._caster.source() if entry in TRACING else self._gpu.constants
             code += wgsl("shot").replace("HITS", "read_write" if writes else "read")
             if entry != "shoot":
                 code += self.arenas.source(_ARENAS)
@@ -254,7 +256,6 @@ class CameraProgram:
 
 
 _ARRAYS = ("colour", "light_state")
-_TRACING = ("shoot", "reach", "shade")
 
 
 def _no_member(name: str) -> Array:

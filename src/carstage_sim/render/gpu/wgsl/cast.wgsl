@@ -16,21 +16,20 @@ struct Batch {
 
 @compute @workgroup_size(64)
 fn cast_rays(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-  let i = id.x + id.y * groups.x * 64u;
   let n = batch.count;
-  if (i >= n) {
-    return;
+  let lanes = groups.x * groups.y * 64u;
+  // A lane takes several rays: its stack is cleared but once.
+  for (var i = id.x + id.y * groups.x * 64u; i < n; i += lanes) {
+    let j = select(i * 3u, 0u, batch.shared_origin != 0u);
+    let o = vec3f(origins[j], origins[j + 1u], origins[j + 2u]);
+    let d = vec3f(directions[i * 3u], directions[i * 3u + 1u], directions[i * 3u + 2u]);
+    let hit = trace(o, d, batch.low, batch.high, batch.skip, false);
+    hits[i] = bitcast<u32>(hit.t);
+    hits[n + i] = bitcast<u32>(hit.row);
+    hits[2u * n + i] = bitcast<u32>(hit.triangle);
+    if (batch.weights != 0u) {
+      hits[3u * n + 2u * i] = bitcast<u32>(hit.u);
+      hits[3u * n + 2u * i + 1u] = bitcast<u32>(hit.v);
+    }
   }
-  let j = select(i * 3u, 0u, batch.shared_origin != 0u);
-  let o = vec3f(origins[j], origins[j + 1u], origins[j + 2u]);
-  let d = vec3f(directions[i * 3u], directions[i * 3u + 1u], directions[i * 3u + 2u]);
-  let hit = trace(o, d, batch.low, batch.high, batch.skip, false);
-  hits[i] = bitcast<u32>(hit.t);
-  hits[n + i] = bitcast<u32>(hit.row);
-  hits[2u * n + i] = bitcast<u32>(hit.triangle);
-  if (batch.weights == 0u) {
-    return;
-  }
-  hits[3u * n + 2u * i] = bitcast<u32>(hit.u);
-  hits[3u * n + 2u * i + 1u] = bitcast<u32>(hit.v);
 }

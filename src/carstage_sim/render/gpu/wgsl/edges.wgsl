@@ -40,8 +40,8 @@ fn is_amid_its_like(i: i32, offset: vec2f) -> bool {
 }
 
 // How many edges and extra rays the work group has, and where they begin.
-var<workgroup> edge_count: atomic<u32>;
-var<workgroup> ray_count: atomic<u32>;
+var<workgroup> edges_found: atomic<u32>;
+var<workgroup> rays_found: atomic<u32>;
 var<workgroup> first_edge: u32;
 var<workgroup> first_ray: u32;
 
@@ -52,11 +52,11 @@ fn find_edges(
   @builtin(local_invocation_index) lane: u32,
 ) {
   if (lane == 0u) {
-    atomicStore(&edge_count, 0u);
-    atomicStore(&ray_count, 0u);
+    atomicStore(&edges_found, 0u);
+    atomicStore(&rays_found, 0u);
   }
   workgroupBarrier();
-  let i = pixel_of_invocation(id, groups);
+  let i = pixel_in_tiles(linear_index(id, groups));
   let y = i32(i / shot.width);
   let x = i32(i % shot.width);
   var is_edge = i < pixel_count() && u32(y) >= batch.first_row && u32(y) < batch.last_row;
@@ -73,12 +73,12 @@ fn find_edges(
       traced |= select(1u << k, 0u, is_amid_its_like(i32(i), shot.offsets[k].xy));
     }
   }
-  let edge = atomicAdd(&edge_count, select(0u, 1u, is_edge));
-  let ray = atomicAdd(&ray_count, countOneBits(traced));
+  let edge = atomicAdd(&edges_found, select(0u, 1u, is_edge));
+  let ray = atomicAdd(&rays_found, countOneBits(traced));
   workgroupBarrier();
   if (lane == 0u) {
-    first_edge = atomicAdd(&list[2u * batch.band], atomicLoad(&edge_count));
-    first_ray = atomicAdd(&list[2u * batch.band + 1u], atomicLoad(&ray_count));
+    first_edge = atomicAdd(&list[2u * batch.band], atomicLoad(&edges_found));
+    first_ray = atomicAdd(&list[2u * batch.band + 1u], atomicLoad(&rays_found));
   }
   workgroupBarrier();
   if (!is_edge) {

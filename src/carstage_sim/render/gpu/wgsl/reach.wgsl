@@ -3,9 +3,12 @@
 
 @compute @workgroup_size(64)
 fn reach(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-  if (!takes_ray(id, groups)) {
-    return;
+  let lanes = groups.x * groups.y * 64u;
+  for (var k = linear_index(id, groups); k < ray_count(); k += lanes) {
+    if (!takes_ray(k)) {
+      continue;
+    }
+    take_hit();
+    hits[5u * batch.room + the_place] = bitcast<u32>(REACHING(0));
   }
-  take_hit();
-  hits[5u * batch.room + the_place] = bitcast<u32>(REACHING(0));
 }

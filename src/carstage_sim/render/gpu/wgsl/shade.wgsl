@@ -4,17 +4,20 @@
 
 @compute @workgroup_size(64)
 fn shade(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-  if (!takes_ray(id, groups)) {
-    return;
-  }
-  take_hit();
-  let reaching = bitcast<f32>(hits[5u * batch.room + the_place]);
-  let shown = SHADE(shot.lamps_on != 0u, 0, reaching);
-  let colour = vec3f(shown.m0, shown.m1, shown.m2);
-  colours[the_place] = vec4f(colour, 0.0);
-  if (batch.listed == 0u) {
-    let code = developed(colour);
-    codes[the_place] = code;
-    picture[the_place] = code;
+  let lanes = groups.x * groups.y * 64u;
+  for (var k = linear_index(id, groups); k < ray_count(); k += lanes) {
+    if (!takes_ray(k)) {
+      continue;
+    }
+    take_hit();
+    let reaching = bitcast<f32>(hits[5u * batch.room + the_place]);
+    let shown = SHADE(shot.lamps_on != 0u, 0, reaching);
+    let colour = vec3f(shown.m0, shown.m1, shown.m2);
+    colours[the_place] = vec4f(colour, 0.0);
+    if (batch.listed == 0u) {
+      let code = developed(colour);
+      codes[the_place] = code;
+      picture[the_place] = code;
+    }
   }
 }

@@ -37,10 +37,13 @@ fn linear_index(id: vec3u, groups: vec3u) -> u32 {
   return id.x + id.y * groups.x * 64u;
 }
 
-// The pixel of an invocation; they go in tiles of eight by eight, whose rays stay together.
-// As many as `pixel_count()` or more: none.
-fn pixel_of_invocation(id: vec3u, groups: vec3u) -> u32 {
-  let i = linear_index(id, groups);
+fn tile_count() -> u32 {
+  return ((shot.width + 7u) / 8u) * ((shot.height + 7u) / 8u);
+}
+
+// Pixels go in tiles of eight by eight, whose rays stay together. Beyond the picture: none, which is
+// as many as `pixel_count()` or more.
+fn pixel_in_tiles(i: u32) -> u32 {
   let tiles = (shot.width + 7u) / 8u;
   let tile = i / 64u;
   let x = (tile % tiles) * 8u + i % 8u;

@@ -22,8 +22,8 @@ MOST_GROUPS = 65535
 """Work groups along one axis."""
 _MOST_TRACING = 4096
 """Work groups that trace: their lanes take several rays each. WebGPU clears a lane's stack before
-it begins: half a kilobyte, about as long as a ray is traced. On an H100 2048 to 8192 were alike, and
-a lane for each ray took a third longer."""
+it begins: half a kilobyte, about as long as a ray is traced. On an H100, 2048 to 8192 were alike,
+and a lane for each ray took a third longer."""
 
 
 class GpuCaster(RayCaster):

@@ -13,7 +13,7 @@ from benchmarks.simulator.gpu_wire import wire_figures
 from benchmarks.simulator.render.scene import ReferenceScene, populate, town_of
 from carstage.bench.verdict import Figure, Verdict
 from carstage_sim.geometry import rotation_matrix
-from carstage_sim.render.gpu.camera import Asked, GpuCameras, Shot
+from carstage_sim.render.gpu.camera import GpuCameras, Shot
 from carstage_sim.render.gpu.caster import GpuCaster
 from carstage_sim.render.gpu.device import Gpu, open_gpu
 from carstage_sim.render.gpu.passes import Product
@@ -78,8 +78,10 @@ def _measure(gpu: Gpu, scene: ReferenceScene, frame: Frame) -> tuple[Figure, ...
 
     def pictures(products: Collection[Product], count: int = 1) -> Callable[[], object]:
         def take() -> object:
-            asked = [Asked(shot, products, motions=still) for shot in shots[:count]]
-            return [pending.pictures() for pending in cameras.take(frame, light, asked)]
+            under_way = [
+                cameras.take(frame, shot, products, light, motions=still) for shot in shots[:count]
+            ]
+            return [pending.pictures() for pending in under_way]
 
         return take
 

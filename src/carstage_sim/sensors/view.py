@@ -25,7 +25,7 @@ from carstage_sim.render.caster import (
 )
 from carstage_sim.render.crew import Shared
 from carstage_sim.render.film import Film
-from carstage_sim.render.gpu.camera import Asked, GpuCameras, Pending, Shot
+from carstage_sim.render.gpu.camera import GpuCameras, Pending, Shot
 from carstage_sim.render.gpu.passes import Product
 from carstage_sim.render.motion import Motions
 from carstage_sim.render.normals import smooth_normals
@@ -396,13 +396,17 @@ class View:
             self._made[camera, film, product] = picture
 
     def _take_expected(self, cameras: GpuCameras, motions: Motions | None) -> None:
+        light = self.lighting
         self._count_cast(len(self._expected))
-        asked = [
-            Asked(self._shot(camera), products, film, motions if Product.FLOW in products else None)
-            for (camera, film), products in self._expected.items()
-        ]
-        pending = cameras.take(self.frame, self.lighting, asked)
-        self._pending.update(zip(self._expected, pending, strict=True))
+        for key, products in self._expected.items():
+            self._pending[key] = cameras.take(
+                self.frame,
+                self._shot(key[0]),
+                products,
+                light,
+                film=key[1],
+                motions=motions if Product.FLOW in products else None,
+            )
         self._expected.clear()
 
     def _shot(self, camera: Camera) -> Shot:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,8 +22,7 @@ from carstage_sim.render.scene import Frame
 from carstage_sim.render.sky import Lighting
 
 _MOST_SAMPLES = 8
-_MOST_PIXELS = 6_000_000
-"""Of cameras that are exposed together: each takes up to 200 bytes of the card's memory."""
+_MOST_SIZES = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,23 +49,6 @@ class Shot:
     skip_row: int
     low: float
     high: float
-
-
-@dataclass(frozen=True, slots=True)
-class Asked:
-    """Pictures that are asked for of one camera.
-
-    Attributes:
-        shot: the camera.
-        products: the pictures.
-        film: how light becomes codes.
-        motions: since this camera's last picture; only flow needs them.
-    """
-
-    shot: Shot
-    products: Collection[Product]
-    film: Film = field(default_factory=Film)
-    motions: Motions | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,58 +86,42 @@ class GpuCameras:
         self._sampling = SAMPLING[quality]
         self._materials = material_table()
         self._program: CameraProgram | None = None
-        self._buffers: dict[tuple[int, int], PictureBuffers] = {}
+        self._buffers: dict[int, PictureBuffers] = {}
         self._curves: dict[float, Any] = {}
 
-    def take(self, frame: Frame, light: Lighting, asked: Sequence[Asked]) -> list[Pending]:
-        """Begin pictures of cameras, in the order in which they are asked for.
+    def take(
+        self,
+        frame: Frame,
+        shot: Shot,
+        products: Collection[Product],
+        light: Lighting,
+        *,
+        film: Film | None = None,
+        motions: Motions | None = None,
+    ) -> Pending:
+        """Begin pictures of one camera.
 
         Args:
             frame: what is seen.
+            shot: the camera.
+            products: the pictures.
             light: of the weather; only colours need it.
-            asked: the pictures.
+            film: how light becomes codes.
+            motions: since this camera's last picture; only flow needs them.
         """
-        pending: list[Pending] = []
+        film = film or Film()
+        source = frame_source(frame, self._materials, film.exposed(light))
         self._caster.geometry.update(frame.scene)
-        for film, together in self._groups(asked):
-            source = frame_source(frame, self._materials, film.exposed(light))
-            if self._program is None:
-                self._program = CameraProgram(self._caster, source, epic=self._epic)
-            self._program.arenas.update(source)
-            pending += self._expose(self._program, frame, light, together)
-        return pending
-
-    def _groups(self, asked: Sequence[Asked]) -> Iterator[tuple[Film, list[Asked]]]:
-        """What is exposed together: with the same film, and no more than there is room for."""
-        together: list[Asked] = []
-        pixels = 0
-        for one in asked:
-            more = one.shot.width * one.shot.height
-            other = together and one.film != together[0].film
-            if together and (other or pixels + more > _MOST_PIXELS):
-                yield together[0].film, together
-                together, pixels = [], 0
-            together.append(one)
-            pixels += more
-        if together:
-            yield together[0].film, together
-
-    def _expose(
-        self, program: CameraProgram, frame: Frame, light: Lighting, together: Sequence[Asked]
-    ) -> list[Pending]:
+        if self._program is None:
+            self._program = CameraProgram(self._caster, source, epic=self._epic)
+        self._program.arenas.update(source)
+        place = self._place(shot)
         lamps_on = bool(light.night > 0) or bool((frame.lamps.power.sum(axis=1) > 0).any())
-        exposures = []
-        taken: dict[int, int] = {}
-        for one in together:
-            number = taken[id(one.shot.slopes)] = taken.get(id(one.shot.slopes), -1) + 1
-            place = self._place(one.shot, number)
-            self._aim(place, one.shot, sum(one.products), lamps_on)
-            if one.motions is not None:
-                self._write_motions(place, one.motions)
-            curve = self._curve(one.film)
-            exposures.append(Exposure(self._caster, program, place, one.products, curve))
-        submission = expose(self._gpu, exposures)
-        return [Pending(one.readback, one.parts, submission) for one in exposures]
+        self._aim(place, shot, sum(products), lamps_on)
+        if motions is not None:
+            self._write_motions(place, motions)
+        exposure = Exposure(self._caster, self._program, place, products, self._curve(film))
+        return Pending(exposure.readback, exposure.parts, expose(self._gpu, exposure))
 
     def _write_motions(self, place: PictureBuffers, motions: Motions) -> None:
         words = _motion_words(motions)
@@ -167,25 +133,19 @@ class GpuCameras:
         """Compile every pass, and bring the town to the card."""
         slopes = np.zeros((TILE * TILE, 2))
         shot = Shot(TILE, TILE, 90.0, slopes, np.zeros(3), np.eye(3), -1, 0.1, 1.0)
-        asked = Asked(shot, list(Product), motions=no_motion(len(frame.actor_id)))
-        self.take(frame, light, [asked])[0].pictures()
+        still = no_motion(len(frame.actor_id))
+        self.take(frame, shot, list(Product), light, motions=still).pictures()
         self._caster.cast(frame.scene, np.zeros(3), np.eye(3, dtype=np.float32), low=0.1, high=1.0)
 
-    def _place(self, shot: Shot, number: int) -> PictureBuffers:
-        """The buffers of a lens, for the so manieth camera that is exposed with others.
-
-        What a camera leaves in them is copied before the next comes.
-        """
-        key = (id(shot.slopes), number)
-        place = self._buffers.pop(key, None)
+    def _place(self, shot: Shot) -> PictureBuffers:
+        """The buffers of a lens: what one camera leaves in them is copied before the next comes."""
+        place = self._buffers.get(id(shot.slopes))
         if place is None:
+            if len(self._buffers) == _MOST_SIZES:
+                self._buffers.pop(next(iter(self._buffers)))
             size, samples = (shot.width, shot.height), len(self._sampling.offsets)
             place = PictureBuffers(self._gpu, size, shot.slopes, samples)
-            held = sum(other.pixels for other in self._buffers.values())
-            while self._buffers and held + place.pixels > 2 * _MOST_PIXELS:
-                held -= self._buffers.pop(next(iter(self._buffers))).pixels
-        # What was used last comes last: what is used now is not given away.
-        self._buffers[key] = place
+            self._buffers[id(shot.slopes)] = place
         return place
 
     def _aim(self, place: PictureBuffers, shot: Shot, wanted: int, lamps_on: bool) -> None:

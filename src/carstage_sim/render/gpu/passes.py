@@ -1,7 +1,8 @@
-"""The passes of several cameras in a card's queue, side by side.
+"""The passes of a camera in a card's queue.
 
-A card waits between stages, until the last ray has found its way: what several cameras do at the
-same stage is begun together. Extra rays of pixels on edges are listed, so that no lane idles.
+A card waits between passes until the last ray has found its way. What comes of sun and sky is found
+in a pass of its own, where rays that go one way run side by side. Extra rays of pixels on edges are
+listed by the card, so that no lane idles.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ def bytes_per_pixel(product: Product) -> int:
 
 
 class PictureBuffers:
-    """Buffers of one camera at a time, and the bind groups over them.
+    """Buffers of cameras of one lens, one at a time, and the bind groups over them.
 
     Args:
         gpu: the card.
@@ -208,40 +209,32 @@ class Exposure:
         return held[1]
 
 
-def expose(gpu: Gpu, exposures: Sequence[Exposure]) -> int:
-    """Let a card make the pictures of cameras, stage by stage; the number of the submission."""
-    coloured = [one for one in exposures if one.coloured]
-    others = [one for one in exposures if one.others]
+def expose(gpu: Gpu, one: Exposure) -> int:
+    """Let a card make the pictures of a camera; the number of the submission that ends them."""
     encoder = gpu.device.create_command_encoder()
     with _recorded(encoder) as compute:
-        for one in exposures:
-            one.run(compute, "shoot")
-        for one in others:
+        one.run(compute, "shoot")
+        if one.others:
             one.run(compute, "products")
-    for one in others:
+    place, target = one.place, one.readback.buffer
+    if one.others:
         # Copied while the colours are made.
-        target = one.readback.buffer
-        encoder.copy_buffer_to_buffer(one.place.out, 0, target, 0, one.others)
+        encoder.copy_buffer_to_buffer(place.out, 0, target, 0, one.others)
     submission = gpu.submit(encoder)
-    if not coloured:
+    if not one.coloured:
         return submission
     # The card casts while this is recorded.
     encoder = gpu.device.create_command_encoder()
-    for one in coloured:
-        encoder.clear_buffer(one.place.list, 0, 8 * len(one.place.bands))
+    encoder.clear_buffer(place.list, 0, 8 * len(place.bands))
     with _recorded(encoder) as compute:
-        for entry in ("reach", "shade"):
-            for one in coloured:
-                one.run(compute, entry)
-        for band in range(max(len(one.place.bands) for one in coloured)):
-            banded = [one for one in coloured if band < len(one.place.bands)]
-            for entry in ("find_edges", "shoot", "reach", "shade", "blend_edges"):
-                for one in banded:
-                    one.run(compute, entry, band, extra=entry in ("shoot", "reach", "shade"))
-    for one in coloured:
-        size = 4 * one.place.pixels
-        target = one.readback.buffer
-        encoder.copy_buffer_to_buffer(one.place.picture, 0, target, one.others, size)
+        one.run(compute, "reach")
+        one.run(compute, "shade")
+        for band in range(len(place.bands)):
+            one.run(compute, "find_edges", band)
+            for entry in TRACING:
+                one.run(compute, entry, band, extra=True)
+            one.run(compute, "blend_edges", band)
+    encoder.copy_buffer_to_buffer(place.picture, 0, target, one.others, 4 * place.pixels)
     return gpu.submit(encoder)
 
 

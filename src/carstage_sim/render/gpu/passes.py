@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from enum import IntFlag
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -49,6 +50,39 @@ def bytes_per_pixel(product: Product) -> int:
     return 8 if product is Product.FLOW else 4
 
 
+class ColourBuffers:
+    """What the colours of a picture need beside its hits.
+
+    Args:
+        gpu: the card.
+        size: width and height in pixels.
+        samples: extra rays of a pixel on an edge.
+
+    Attributes:
+        colours, codes, picture, edges: of pixels.
+        hits, sampled, list: of extra rays: what they met, their colours, and which they are.
+        most: extra rays that there is room for.
+        bands: what a pass does for the extra rays, band after band of the picture.
+    """
+
+    def __init__(self, gpu: Gpu, size: tuple[int, int], samples: int) -> None:
+        width, height = size
+        rows = min(max(_MOST_EXTRA // (width * samples), 1), height)
+        starts = range(0, height, rows)
+        if len(starts) > _MOST_BANDS:
+            raise ValueError(f"a picture of {width}x{height} pixels is too large for the card")
+        pixels, extra = width * height, rows * width * samples
+        self.most = extra
+        self.colours, self.codes = gpu.storage(16 * pixels), gpu.storage(4 * pixels)
+        self.picture, self.edges = gpu.storage(4 * pixels), gpu.storage(8 * rows * width)
+        self.hits, self.sampled = gpu.storage(_HIT_BYTES * extra), gpu.storage(16 * extra)
+        self.list = gpu.storage(4 * (_HEAD + extra))
+        self.bands = [
+            _batch(gpu, 1, extra, first, min(first + rows, height), number)
+            for number, first in enumerate(starts)
+        ]
+
+
 class PictureBuffers:
     """Buffers of cameras of one lens, one at a time, and the bind groups over them.
 
@@ -63,12 +97,9 @@ class PictureBuffers:
         pixels: of the picture.
         invocations: one for each pixel of whole tiles.
         whole: what a pass does for the rays through pixels' centres.
-        bands: the same for the extra rays, band after band of the picture.
-        most_extra: the most of them that a band has.
-        shot, slopes, hits, colours, codes, picture, edges, out, motions: of pixels.
-        extra_hits, extra_colours, list: of extra rays.
-        unused: what the pass of colours writes for pixels only.
-        nbytes: of all of them.
+        shot, slopes, hits, out, motions: of the camera.
+        unused: what a pass is given that it does not touch for these rays.
+        bound: the bind groups.
     """
 
     def __init__(
@@ -78,33 +109,23 @@ class PictureBuffers:
         pixels = self.pixels = width * height
         self.slopes_of = slopes
         self.invocations = -(-width // TILE) * -(-height // TILE) * TILE * TILE
-        rows = min(max(_MOST_EXTRA // (width * samples), 1), height)
-        starts = range(0, height, rows)
-        if len(starts) > _MOST_BANDS:
-            raise ValueError(f"a picture of {width}x{height} pixels is too large for the card")
-        extra = self.most_extra = rows * width * samples
-        sizes = {
-            "slopes": 16 * pixels, "hits": _HIT_BYTES * pixels, "colours": 16 * pixels,
-            "codes": 4 * pixels, "picture": 4 * pixels, "edges": 8 * rows * width,
-            "out": 24 * pixels, "extra_hits": _HIT_BYTES * extra, "extra_colours": 16 * extra,
-            "list": 4 * (_HEAD + extra),
-        }  # fmt: skip
-        self.nbytes = sum(sizes.values())
-        made = {name: gpu.storage(nbytes) for name, nbytes in sizes.items()}
-        self.slopes, self.hits, self.colours = made["slopes"], made["hits"], made["colours"]
-        self.codes, self.picture, self.edges = made["codes"], made["picture"], made["edges"]
-        self.extra_hits, self.extra_colours = made["extra_hits"], made["extra_colours"]
-        self.out, self.list = made["out"], made["list"]
+        self.slopes, self.hits = gpu.storage(16 * pixels), gpu.storage(_HIT_BYTES * pixels)
+        self.out, self.motions = gpu.storage(24 * pixels), gpu.storage(64)
         self.unused = [gpu.storage(4), gpu.storage(4)]
-        self.motions = gpu.storage(64)
         self.shot = gpu.uniform(SHOT_WORDS * 4)
-        self.bound: dict[Any, tuple[tuple[Any, ...], Any]] = {}
-        gpu.write(self.slopes, np.stack(split(slopes), axis=2))
         self.whole = _batch(gpu, 0, pixels, 0, height, 0)
-        self.bands = [
-            _batch(gpu, 1, extra, first, min(first + rows, height), number)
-            for number, first in enumerate(starts)
-        ]
+        self.bound: dict[Any, tuple[tuple[Any, ...], Any]] = {}
+        self._made_for = (gpu, size, samples)
+        gpu.write(self.slopes, np.stack(split(slopes), axis=2))
+
+    @cached_property
+    def of_colours(self) -> ColourBuffers:
+        """Made for the first camera that wants colours.
+
+        Raises:
+            ValueError: the picture is too large.
+        """
+        return ColourBuffers(*self._made_for)
 
 
 def split(array: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -158,21 +179,24 @@ class Exposure:
         self.readback: Readback = self._gpu.readback(end)
         self._scene = self._group("scene", caster.scene_layout, caster.geometry.buffers)
         self._arenas = self._group("arenas", program.arena_layout, program.arenas.buffers)
-        found = place.list
-        self._needed = {
-            "shoot": [found],
-            "products": [place.out, place.motions],
-            "reach": [found],
-            "shade": [found, curve, place.colours, place.picture, place.codes],
-            "find_edges": [found, place.codes, place.edges],
-            "blend_edges": [
-                found, curve, place.colours, place.picture, place.edges, place.extra_colours
-            ],
-        }  # fmt: skip
-        self._needed_of_extra = {
-            **self._needed,
-            "shade": [found, curve, place.extra_colours, *place.unused],
-        }
+        first, second = place.unused
+        self._needed = {"shoot": [first], "products": [place.out, place.motions]}
+        self._needed_of_extra: dict[str, list[Any]] = {}
+        if self.coloured:
+            made = place.of_colours
+            self._needed |= {
+                "reach": [first],
+                "shade": [first, curve, made.colours, made.picture, made.codes],
+                "find_edges": [made.list, made.codes, made.edges],
+                "blend_edges": [
+                    made.list, curve, made.colours, made.picture, made.edges, made.sampled
+                ],
+            }  # fmt: skip
+            self._needed_of_extra = {
+                "shoot": [made.list],
+                "reach": [made.list],
+                "shade": [made.list, curve, made.sampled, first, second],
+            }
 
     def run(self, compute: Any, entry: str, band: int = -1, *, extra: bool = False) -> None:
         """A pass.
@@ -184,18 +208,21 @@ class Exposure:
             extra: whether it is about extra rays: the card alone knows how many there are.
         """
         place, program = self.place, self._program
-        batch = place.whole if band < 0 else place.bands[band]
+        batch, hits, invocations = place.whole, place.hits, place.invocations
+        if band >= 0:
+            batch = place.of_colours.bands[band]
+        if extra:
+            hits, invocations = place.of_colours.hits, place.of_colours.most
         needed = self._needed_of_extra[entry] if extra else self._needed[entry]
         last = needed if entry == "products" else [batch, *needed]
         writes = entry in WRITES_HITS
-        rays = (place.shot, place.slopes, place.extra_hits if extra else place.hits)
+        rays = (place.shot, place.slopes, hits)
         groups = (
             self._scene,
             self._group(("rays", writes, extra), program.shot[writes], rays),
             self._arenas,
             self._group((entry, band), program.last[entry], last),
         )
-        invocations = place.most_extra if extra else place.invocations
         size = tracing_groups(invocations) if entry in TRACING else groups_of(invocations)
         self._gpu.dispatch(compute, program.pipeline(entry), groups, size)
 
@@ -225,16 +252,17 @@ def expose(gpu: Gpu, one: Exposure) -> int:
         return submission
     # The card casts while this is recorded.
     encoder = gpu.device.create_command_encoder()
-    encoder.clear_buffer(place.list, 0, 8 * len(place.bands))
+    made = place.of_colours
+    encoder.clear_buffer(made.list, 0, 8 * len(made.bands))
     with _recorded(encoder) as compute:
         one.run(compute, "reach")
         one.run(compute, "shade")
-        for band in range(len(place.bands)):
+        for band in range(len(made.bands)):
             one.run(compute, "find_edges", band)
             for entry in TRACING:
                 one.run(compute, entry, band, extra=True)
             one.run(compute, "blend_edges", band)
-    encoder.copy_buffer_to_buffer(place.picture, 0, target, one.others, 4 * place.pixels)
+    encoder.copy_buffer_to_buffer(made.picture, 0, target, one.others, 4 * place.pixels)
     return gpu.submit(encoder)
 
 

@@ -63,7 +63,7 @@ REASONS = {
     "carstage_sim/render/exposure_blur.py _ways_part": _KERNEL,
     "carstage_sim/render/glare.py _glare_part": _KERNEL,
     "carstage_sim/render/laser_kernels.py _gather_part": _KERNEL,
-    "carstage_sim/render/lending.py _lend": _KERNEL,
+    "carstage_sim/render/lending.py lends": _KERNEL,
     "carstage_sim/render/lending.py _lend_part": _KERNEL,
     "carstage_sim/render/lending.py _mix": _KERNEL,
     "carstage_sim/render/lending.py _mix_part": _KERNEL,

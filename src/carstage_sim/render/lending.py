@@ -114,7 +114,7 @@ def _mix_part(  # type: ignore[no-untyped-def]
 
 
 @device
-def _lend(  # type: ignore[no-untyped-def]
+def lends(  # type: ignore[no-untyped-def]
     row, triangle, width, height, colours, edges, towards, row_of, triangle_of, ray, again
 ):
     """Give an extra ray the colour of a pixel beside it; False where none has it."""
@@ -150,7 +150,7 @@ def _lend_part(  # type: ignore[no-untyped-def]
         left = 0
         for place in range(starts[packet], starts[packet + 1]):
             ray = order[place]
-            open_[ray] = not _lend(
+            open_[ray] = not lends(
                 row, triangle, width, height, colours, edges, towards, row_of, triangle_of, ray,
                 again,
             )  # fmt: skip

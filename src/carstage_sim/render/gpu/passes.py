@@ -156,6 +156,7 @@ class Exposure:
         readback: where they arrive.
         others: bytes of all pictures but the colours.
         coloured: whether colours are asked for.
+        lends: whether extra rays take colours of pixels beside them.
     """
 
     def __init__(
@@ -167,7 +168,7 @@ class Exposure:
         curve: Any,
     ) -> None:
         self._gpu, self._program, self.place = caster.gpu, program, place
-        self.coloured = Product.COLOURS in products
+        self.coloured, self.lends = Product.COLOURS in products, program.lends
         others = sorted(product for product in products if product is not Product.COLOURS)
         self.parts: dict[Product, tuple[int, int]] = {}
         end = 0
@@ -188,6 +189,7 @@ class Exposure:
                 "reach": [first],
                 "shade": [first, curve, made.colours, made.picture, made.codes],
                 "find_edges": [made.list, made.codes, made.edges],
+                "lend": [made.list, made.colours, made.sampled, made.hits],
                 "blend_edges": [
                     made.list, curve, made.colours, made.picture, made.edges, made.sampled
                 ],
@@ -223,7 +225,8 @@ class Exposure:
             self._arenas,
             self._group((entry, band), program.last[entry], last),
         )
-        size = tracing_groups(invocations) if entry in TRACING else groups_of(invocations)
+        loops = entry in TRACING or entry == "lend"
+        size = tracing_groups(invocations) if loops else groups_of(invocations)
         self._gpu.dispatch(compute, program.pipeline(entry), groups, size)
 
     def _group(self, key: Any, layout: Any, buffers: Sequence[Any]) -> Any:
@@ -259,8 +262,11 @@ def expose(gpu: Gpu, one: Exposure) -> int:
         one.run(compute, "shade")
         for band in range(len(made.bands)):
             one.run(compute, "find_edges", band)
-            for entry in TRACING:
-                one.run(compute, entry, band, extra=True)
+            one.run(compute, "shoot", band, extra=True)
+            if one.lends:
+                one.run(compute, "lend", band)
+            one.run(compute, "reach", band, extra=True)
+            one.run(compute, "shade", band, extra=True)
             one.run(compute, "blend_edges", band)
     encoder.copy_buffer_to_buffer(made.picture, 0, target, one.others, 4 * place.pixels)
     return gpu.submit(encoder)

@@ -24,6 +24,7 @@ from carstage_sim.render.gpu.values import (
     Value,
     convert,
 )
+from carstage_sim.render.lending import lends
 from carstage_sim.render.materials import MaterialTable
 from carstage_sim.render.quality import SAMPLING, Quality
 from carstage_sim.render.scene import Frame
@@ -40,7 +41,7 @@ WRITES_HITS = ("shoot", "reach")
 """Passes that write what rays met."""
 _LAST = {
     "shoot": "ur", "reach": "ur", "shade": "urrwww", "products": "wr", "find_edges": "uwrw",
-    "blend_edges": "urrrwrr",
+    "lend": "urrww", "blend_edges": "urrrwrr",
 }  # fmt: skip
 """Kinds of the buffers that a pass alone needs."""
 _PARTS = {
@@ -49,6 +50,7 @@ _PARTS = {
     "shade": ("batch", "rays", "aim", "met", "film"),
     "products": ("rays",),
     "find_edges": ("batch", "edge"),
+    "lend": ("batch", "edge"),
     "blend_edges": ("batch", "edge", "film"),
 }
 """Sources of this package that a pass needs beside its own."""
@@ -113,6 +115,7 @@ class CameraProgram:
         shot: layouts of bind group 1, by whether a pass writes the hits.
         last: layouts of bind group 3, by pass.
         arenas: the arrays of bind group 2.
+        lends: whether extra rays take colours of pixels beside them.
     """
 
     def __init__(self, caster: GpuCaster, source: Source, *, epic: bool) -> None:
@@ -120,7 +123,8 @@ class CameraProgram:
         self._gpu = caster.gpu
         self._epic = epic
         quality = Quality.EPIC if epic else Quality.LOW
-        self._blends = "true" if SAMPLING[quality].blend else "false"
+        self.lends = SAMPLING[quality].blend
+        self._blends = "true" if self.lends else "false"
         self.arenas = Arenas(self._gpu, source)
         # What a pass could write makes the card wait for it, whether it does or not.
         self.shot = {True: self._gpu.layout("urw"), False: self._gpu.layout("urr")}
@@ -132,6 +136,7 @@ class CameraProgram:
             "shade": self._shade_source(),
             "products": self._products_source(),
             "find_edges": self._edges_source(),
+            "lend": self._lend_source(),
             "blend_edges": self._blend_source(),
         }
         self._pipelines: dict[tuple[str, int], Any] = {}
@@ -202,6 +207,26 @@ class CameraProgram:
         name, _ = translator.function(colour_of_ray, [given[parameter] for parameter in order])
         text = wgsl("shade").replace("SHADE(", f"{name}(")
         return _TRACED + translator.source() + "\n" + text
+
+    def _lend_source(self) -> str:
+        """The pass that lends colours, around the translated rule for one ray."""
+        translator = Translator({})
+        whole = Value("i", "i32")
+        given: list[Bound] = [
+            Array("row_at", "i32", 1),
+            Array("triangle_at", "i32", 1),
+            whole,
+            whole,
+            Array("colour_at", "f32", 2),
+            Array("pixel_of", "i32", 1),
+            Array("step_of", "i32", 2, ("1i", "2i")),
+            Array("row_met", "i32", 1),
+            Array("triangle_met", "i32", 1),
+            whole,
+            Array("", "f32", 2, write="set_sampled"),
+        ]
+        name, _ = translator.function(lends, given)
+        return translator.source() + "\n" + wgsl("lend").replace("LENDS(", f"{name}(")
 
     def _blend_source(self) -> str:
         """The pass that mixes colours, around the translated weights."""

@@ -94,6 +94,23 @@ def test_a_wet_road_mirrors_the_same(suites):
     assert (apart > 2).sum() < MOST_COLOURS * apart.size
 
 
+def test_extra_rays_take_the_colours_that_they_take_on_the_cpu(software_gpu):
+    """Right before a wall the ground is darker than a pixel away: lent colours show there."""
+    road = sensor_worlds.box(
+        (-60, -60, -0.01), (60, 60, 0.01), Material.ASPHALT, CityObjectLabel.ROADS, object_id=9
+    )
+    town = sensor_worlds.town(road, sensor_worlds.WALL)
+    request = sensor_worlds.request("camera.rgb", 500, image_size_x=640, image_size_y=360)
+    pixels = []
+    for gpu in (None, software_gpu):
+        with WorldSensors(town, threads=2, gpu=gpu) as sensors:
+            ((_, frame),) = sensors.capture(sensor_worlds.state(1), [request])
+            pixels.append(frame.pixels.astype(np.int16))
+    cpu, card = pixels
+    assert len(np.unique(cpu.reshape(-1, 4), axis=0)) > 200
+    assert (np.abs(cpu - card).max(axis=-1) > 2).mean() < 2e-4
+
+
 def test_surfaces_in_one_plane_win_the_same_pixels(software_gpu):
     """Which of the two is seen is decided by the last bit of the distance."""
     carpet = sensor_worlds.box(

@@ -14,3 +14,5 @@ struct Batch {
 @group(3) @binding(1) var<storage, LIST> list: array<LISTED>;
 
 const HEAD: u32 = 512u;
+// The row of an extra ray that has the colour of a pixel beside it.
+const LENT: i32 = -3;

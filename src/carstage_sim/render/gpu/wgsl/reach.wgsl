@@ -9,6 +9,9 @@ fn reach(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) grou
       continue;
     }
     take_hit();
+    if (the_hit.row == LENT) {
+      continue;
+    }
     hits[5u * batch.room + the_place] = bitcast<u32>(REACHING(0));
   }
 }

@@ -10,6 +10,9 @@ fn shade(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) grou
       continue;
     }
     take_hit();
+    if (the_hit.row == LENT) {
+      continue;
+    }
     let reaching = bitcast<f32>(hits[5u * batch.room + the_place]);
     let shown = SHADE(shot.lamps_on != 0u, 0, reaching);
     let colour = vec3f(shown.m0, shown.m1, shown.m2);

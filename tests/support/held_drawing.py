@@ -53,8 +53,8 @@ class Gate:
 
 
 @contextmanager
-def serving(simulation: Simulation) -> Iterator[Server]:
-    """A server of the simulation in a thread of its own; it ends with the block."""
+def server_of(simulation: Simulation) -> Iterator[Server]:
+    """A server of the simulation that does not run yet."""
     with (
         bind("127.0.0.1", 0) as rpc_socket,
         bind("127.0.0.1", 0) as streaming_socket,
@@ -66,6 +66,13 @@ def serving(simulation: Simulation) -> Iterator[Server]:
             frames_per_s=50.0,
         ) as server,
     ):
+        yield server
+
+
+@contextmanager
+def serving(simulation: Simulation) -> Iterator[Server]:
+    """A server of the simulation in a thread of its own; it ends with the block."""
+    with server_of(simulation) as server:
         thread = threading.Thread(target=server.run)
         thread.start()
         try:

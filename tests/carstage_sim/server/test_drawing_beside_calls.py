@@ -14,13 +14,10 @@ from carstage_sim.sensors.cameras import RgbCamera
 from carstage_sim.sensors.dvs import DvsCamera
 from carstage_sim.sensors.flow import OpticalFlowCamera
 from carstage_sim.sensors.measurements import DVS_EVENT, DvsFrame, FlowFrame
-from carstage_sim.server import Server
 from carstage_sim.simulation import Simulation
 from carstage_sim.wire import streaming
-from carstage_sim.wire.dialect import dialect
-from carstage_sim.wire.socket_loop import bind
 from carstage_sim.world.controls import EpisodeSettings
-from held_drawing import SIZE, Gate, Rig, frame_of, frames_of
+from held_drawing import SIZE, Gate, Rig, frame_of, frames_of, server_of
 from raw_client import read_message
 from waiting import await_that, holds_for
 
@@ -352,17 +349,7 @@ def test_a_world_that_is_late_makes_up_for_it_by_longer_steps(
 def test_a_fixed_step_lasts_as_long_as_it_simulates_in_asynchronous_mode(
     monkeypatch: pytest.MonkeyPatch, simulation: Simulation
 ) -> None:
-    with (
-        bind("127.0.0.1", 0) as rpc_socket,
-        bind("127.0.0.1", 0) as streaming_socket,
-        Server(
-            simulation,
-            dialect("0.9.16"),
-            rpc_socket=rpc_socket,
-            streaming_socket=streaming_socket,
-            frames_per_s=50.0,
-        ) as server,
-    ):
+    with server_of(simulation) as server:
         clock_s, ticks = [100.0], []
 
         def serve_one(timeout_s: float) -> bool:

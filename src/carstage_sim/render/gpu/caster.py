@@ -20,8 +20,8 @@ GROUP = 64
 """Rays of a work group."""
 MOST_GROUPS = 65535
 """Work groups along one axis."""
-_MOST_TRACING = 4096
-"""Work groups that trace: their lanes take several rays each. WebGPU clears a lane's stack before
+_MOST_LOOPING = 4096
+"""Work groups whose lanes take several rays each. WebGPU clears a lane's stack before
 it begins: half a kilobyte, about as long as a ray is traced. On an H100, 2048 to 8192 were alike,
 and a lane for each ray took a third longer."""
 
@@ -102,7 +102,7 @@ class GpuCaster(RayCaster):
         work.set_pipeline(self._pipeline())
         work.set_bind_group(0, self._group("scene", self.scene_layout, self.geometry.buffers))
         work.set_bind_group(1, self._group("batch", self._layout, used))
-        work.dispatch_workgroups(*tracing_groups(count))
+        work.dispatch_workgroups(*looping_groups(count))
         work.end()
         encoder.copy_buffer_to_buffer(self._found, 0, readback.buffer, 0, padded(size))
         submission = gpu.submit(encoder)
@@ -149,6 +149,6 @@ def groups_of(count: int, size: int = GROUP) -> tuple[int, int, int]:
     return min(groups, MOST_GROUPS), math.ceil(groups / MOST_GROUPS), 1
 
 
-def tracing_groups(count: int) -> tuple[int, int, int]:
+def looping_groups(count: int) -> tuple[int, int, int]:
     """Work groups for ``count`` rays at most, whose lanes take one after the other."""
-    return min(groups_of(count)[0], _MOST_TRACING), 1, 1
+    return min(groups_of(count)[0], _MOST_LOOPING), 1, 1

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.render.gpu.caster import GpuCaster, groups_of, tracing_groups
+from carstage_sim.render.gpu.caster import GpuCaster, groups_of, looping_groups
 from carstage_sim.render.gpu.device import Gpu
-from carstage_sim.render.gpu.program import TRACING, WRITES_HITS, CameraProgram
+from carstage_sim.render.gpu.program import LOOPING, WRITES_HITS, CameraProgram
 from carstage_sim.render.gpu.transfer import Readback
 
 SHOT_WORDS = 76
@@ -225,8 +225,7 @@ class Exposure:
             self._arenas,
             self._group((entry, band), program.last[entry], last),
         )
-        loops = entry in TRACING or entry == "lend"
-        size = tracing_groups(invocations) if loops else groups_of(invocations)
+        size = looping_groups(invocations) if entry in LOOPING else groups_of(invocations)
         self._gpu.dispatch(compute, program.pipeline(entry), groups, size)
 
     def _group(self, key: Any, layout: Any, buffers: Sequence[Any]) -> Any:

@@ -37,6 +37,8 @@ _ARENAS = 2
 _HIT = ("f32", "i32", "i32", "f32", "f32")
 TRACING = ("shoot", "reach", "shade")
 """Passes that trace rays."""
+LOOPING = (*TRACING, "lend")
+"""Passes whose lanes take one ray after the other."""
 WRITES_HITS = ("shoot", "reach")
 """Passes that write what rays met."""
 _LAST = {

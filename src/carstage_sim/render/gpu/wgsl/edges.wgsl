@@ -1,7 +1,7 @@
 // Which pixels of a band are sampled again, or become a mean of those around them.
 
 @group(3) @binding(2) var<storage, read> codes: array<u32>;         // of one ray each
-@group(3) @binding(3) var<storage, read_write> edges: array<u32>;   // two words each, see blend.wgsl
+@group(3) @binding(3) var<storage, read_write> edges: array<u32>;   // two words each, see edge.wgsl
 
 fn code_at(y: i32, x: i32, channel: i32) -> i32 {
   return i32((codes[u32(y) * shot.width + u32(x)] >> u32(16 - 8 * channel)) & 255u);

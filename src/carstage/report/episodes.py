@@ -280,21 +280,24 @@ class EpisodePictures:
         """A camera's images with the masks of what is visible, the nearest on top."""
         figures = []
         for k in frames:
-            if (image := self._read(sensor, k)) is None:
-                continue
-            drawn = image.astype(np.float64)
-            height, width = drawn.shape[:2]
-            for row in sorted(self._rows[k, sensor.id], key=lambda row: -row["distance"]):
-                if row["mask_modal"] is None:
-                    continue
-                mask = decode_mask(row["mask_modal"], height, width)
-                colour = np.array(class_colour(self._classes.get(row["track_id"], "")))
-                drawn[mask] = (1 - _MASK_SHARE) * drawn[mask] + _MASK_SHARE * colour
-            picture = Image.fromarray(drawn.astype(np.uint8))
-            figures.append(
-                html.figure(data_uri(picture, _CONTACT_PX), f"{sensor.id} with masks, frame {k}")
-            )
+            if (drawn := self._masked(sensor, k)) is not None:
+                source = data_uri(Image.fromarray(drawn), _CONTACT_PX)
+                figures.append(html.figure(source, f"{sensor.id} with masks, frame {k}"))
         return "".join(figures)
+
+    def _masked(self, sensor: Sensor, k: int) -> NDArray[np.uint8] | None:
+        """``(H, W, 3)``: a camera's image with the masks of what is visible."""
+        if (image := self._read(sensor, k)) is None:
+            return None
+        drawn = image.astype(np.float64)
+        height, width = drawn.shape[:2]
+        for row in sorted(self._rows[k, sensor.id], key=lambda row: -row["distance"]):
+            if row["mask_modal"] is None:
+                continue
+            mask = decode_mask(row["mask_modal"], height, width)
+            colour = np.array(class_colour(self._classes.get(row["track_id"], "")))
+            drawn[mask] = (1 - _MASK_SHARE) * drawn[mask] + _MASK_SHARE * colour
+        return drawn.astype(np.uint8)
 
     def boxes_3d(self, sensor: Sensor, frames: list[int], note: str = "") -> str:
         """A camera's images with the 3D boxes of what is visible."""
@@ -306,9 +309,18 @@ class EpisodePictures:
                 figures.append(html.figure(data_uri(picture, _CONTACT_PX), caption))
         return "".join(figures)
 
-    def drawn_3d(self, sensor: Sensor, k: int) -> tuple[Image.Image, int] | None:
-        """A camera's image with the boxes of what is visible, and how many these are."""
-        if (image := self._read(sensor, k)) is None:
+    def drawn_3d(
+        self, sensor: Sensor, k: int, *, masks: bool = False
+    ) -> tuple[Image.Image, int] | None:
+        """A camera's image with the boxes of what is visible, and how many these are.
+
+        Args:
+            sensor: the camera.
+            k: the frame.
+            masks: whether masks are below the boxes.
+        """
+        image = self._masked(sensor, k) if masks else self._read(sensor, k)
+        if image is None:
             return None
         visible = {row["track_id"] for row in self._rows[k, sensor.id]}
         boxes = [(b, self._colour(b)) for b in self._boxes.get(k, []) if b.track_id in visible]
@@ -318,16 +330,21 @@ class EpisodePictures:
         """A camera's images with the 2D boxes of what is visible."""
         figures = []
         for k in frames:
-            if (image := self._read(sensor, k)) is None:
-                continue
-            rows = [
-                (row, class_colour(self._classes.get(row["track_id"], "")))
-                for row in self._rows[k, sensor.id]
-            ]
-            picture = draw_boxes_2d(image, rows)
-            caption = self._caption(k, len(rows))
-            figures.append(html.figure(data_uri(picture, _CONTACT_PX), caption))
+            if (drawn := self.drawn_2d(sensor, k)) is not None:
+                picture, count = drawn
+                caption = self._caption(k, count)
+                figures.append(html.figure(data_uri(picture, _CONTACT_PX), caption))
         return "".join(figures)
+
+    def drawn_2d(self, sensor: Sensor, k: int) -> tuple[Image.Image, int] | None:
+        """A camera's image with the 2D boxes of what is visible, and how many these are."""
+        if (image := self._read(sensor, k)) is None:
+            return None
+        rows = [
+            (row, class_colour(self._classes.get(row["track_id"], "")))
+            for row in self._rows[k, sensor.id]
+        ]
+        return draw_boxes_2d(image, rows), len(rows)
 
     def views(self, frames: list[int]) -> str:
         """What the cameras for depth, tags and the like measured, in colours."""
@@ -336,39 +353,53 @@ class EpisodePictures:
             for sensor in self.episode.sensors:
                 if sensor.content == COLOUR or sensor.content not in CAMERAS:
                     continue
-                if (image := self._read(sensor, k)) is None:
-                    continue
-                picture = camera_view(sensor.content, image, self._palette)
-                caption = f"{sensor.id}, frame {k}"
-                figures.append(html.figure(data_uri(picture, _CONTACT_PX), caption))
+                if (picture := self.drawn_view(sensor, k)) is not None:
+                    caption = f"{sensor.id}, frame {k}"
+                    figures.append(html.figure(data_uri(picture, _CONTACT_PX), caption))
         return "".join(figures)
+
+    def drawn_view(self, sensor: Sensor, k: int) -> Image.Image | None:
+        """What a camera measured, in colours; None where that is missing."""
+        if (image := self._read(sensor, k)) is None:
+            return None
+        return camera_view(sensor.content, image, self._palette)
 
     def birds_eye(self, frames: list[int], note: str = "") -> str:
         """Points of all LiDARs and radars from above, with all boxes."""
         figures = []
         for k in frames:
-            clouds = [
-                cloud for s in self.episode.sensors if (cloud := self._cloud(s, k)) is not None
-            ]
-            radar = [
-                (
-                    transform_points(s.calibration_at(k).ego_from_sensor, radar_points(found)),
-                    found[:, Detection.RANGE_RATE],
-                )
-                for s in self.episode.sensors
-                if s.content == DETECTIONS and (found := self._read(s, k)) is not None
-            ]
-            if clouds or radar:
-                boxes = [(box, self._colour(box)) for box in self._boxes.get(k, [])]
-                points = np.concatenate([np.empty((0, 3)), *clouds])
-                picture = birds_eye_view(points, boxes, radar)
-                caption = f"{note}frame {k}: {len(points):,} points"
-                if radar:
-                    caption += f", {sum(len(rates) for _, rates in radar)} radar detections"
+            if (drawn := self.drawn_from_above(k)) is not None:
+                picture, count, detections = drawn
+                caption = f"{note}frame {k}: {count:,} points"
+                if detections is not None:
+                    caption += f", {detections} radar detections"
                 figures.append(
                     html.figure(data_uri(picture, _BIRDS_EYE_PX, lossless=True), caption)
                 )
         return "".join(figures)
+
+    def drawn_from_above(self, k: int) -> tuple[Image.Image, int, int | None] | None:
+        """Points of LiDARs and radars with all boxes; None where neither has data.
+
+        Returns:
+            The picture, the number of points, and that of radar detections (None: no radar).
+        """
+        sensors = self.episode.sensors
+        clouds = [cloud for s in sensors if (cloud := self._cloud(s, k)) is not None]
+        radar = [
+            (
+                transform_points(s.calibration_at(k).ego_from_sensor, radar_points(found)),
+                found[:, Detection.RANGE_RATE],
+            )
+            for s in sensors
+            if s.content == DETECTIONS and (found := self._read(s, k)) is not None
+        ]
+        if not clouds and not radar:
+            return None
+        boxes = [(box, self._colour(box)) for box in self._boxes.get(k, [])]
+        points = np.concatenate([np.empty((0, 3)), *clouds])
+        detections = sum(len(rates) for _, rates in radar) if radar else None
+        return birds_eye_view(points, boxes, radar), len(points), detections
 
     def _cloud(self, sensor: Sensor, k: int) -> NDArray[np.float64] | None:
         """``(N, 3)`` points of a LiDAR in the ego actor's frame; None for what is no LiDAR."""

@@ -10,6 +10,7 @@ import typer
 import benchmarks.framework.commands
 import benchmarks.framework.fault_commands
 import benchmarks.framework.surroundings_commands
+import benchmarks.pictures.commands
 import benchmarks.simulator.commands  # noqa: F401 - all register their commands
 from benchmarks.registry import BENCHMARKS, app
 from carstage.cli.output import enable_debug

@@ -263,12 +263,14 @@ def render(
     json: Json = False,
 ) -> int:
     """What pictures and point clouds cost on one core, and whether they look right."""
+    from benchmarks.pictures.saving import save_pictures
     from benchmarks.simulator.render import check_render
-    from benchmarks.simulator.render.gallery import paint_gallery
+    from benchmarks.simulator.render.gallery import gallery_sheets
 
     def measure() -> Verdict:
         if pictures is not None:
-            names = paint_gallery(pictures, town=map, seed=seed)
+            sheets = gallery_sheets(town=map, seed=seed)
+            names = [path.name for path in save_pictures(sheets, pictures)]
             return Verdict("render", (Figure("pictures", len(names)),), names)
         return check_render(town=map, tries=tries, seed=seed, compiling=not without_compiling)
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,38 +19,33 @@ from carstage_sim.sensors.measurements import FlowFrame, ImageFrame, SemanticLid
 
 Pixels = NDArray[np.uint8]
 
-_QUALITY_OF_JPEG = 74
 _PALETTE = np.random.default_rng(5).integers(40, 256, (256, 3)).astype(np.uint8)
 
 
-def paint_gallery(folder: Path, *, town: str, seed: int) -> list[str]:
-    """Write all pictures into a folder; their names."""
-    folder.mkdir(parents=True, exist_ok=True)
+def gallery_sheets(*, town: str, seed: int) -> Iterator[tuple[str, Image.Image]]:
+    """File name and picture of each sheet.
+
+    Args:
+        town: in which streets and sensors are shown.
+        seed: of who is there.
+    """
     map_ = town_of(town)
     with WorldSensors(map_) as sensors, WorldSensors(map_, quality=Quality.EPIC) as epic:
         scene = populate(map_, sensors, vehicles=70, walkers=30, seed=seed)
         better = replace(scene, sensors=epic)
         presets = named_presets()
-        sheets = {
-            "presets": _sheet(
-                {name: scene.picture(weather, 320, 180) for name, weather in presets.items()}, 4
-            ),
-            "day-and-night": _sheet(
-                {
-                    f"{name}, {quality}": one.picture(presets[name], 640, 360)
-                    for name in ("ClearNoon", "MidRainyNoon", "ClearSunset", "WetNight")
-                    for quality, one in (("low", scene), ("epic", better))
-                },
-                2,
-            ),
-            "sensors": _sheet(_sensors(scene), 3),
-            "people": _sheet(people_pictures(200, 270), 6),
-            "trees": _sheet(tree_pictures(200, 250), 6),
-            "vehicles": _sheet(vehicle_pictures(200, 126), 6),
+        weathers = {name: scene.picture(weather, 320, 180) for name, weather in presets.items()}
+        yield "presets.jpg", _sheet(weathers, 4)
+        lights = {
+            f"{name}, {quality}": one.picture(presets[name], 640, 360)
+            for name in ("ClearNoon", "MidRainyNoon", "ClearSunset", "WetNight")
+            for quality, one in (("low", scene), ("epic", better))
         }
-    for name, sheet in sheets.items():
-        sheet.save(folder / f"{name}.jpg", quality=_QUALITY_OF_JPEG)
-    return [f"{name}.jpg" for name in sheets]
+        yield "day-and-night.jpg", _sheet(lights, 2)
+        yield "sensors.jpg", _sheet(_sensors(scene), 3)
+    yield "people.jpg", _sheet(people_pictures(200, 270), 6)
+    yield "trees.jpg", _sheet(tree_pictures(200, 250), 6)
+    yield "vehicles.jpg", _sheet(vehicle_pictures(200, 126), 6)
 
 
 def _sheet(pictures: dict[str, Pixels], columns: int) -> Image.Image:

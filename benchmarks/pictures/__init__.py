@@ -1,0 +1,1 @@
+"""The documentation's pictures, drawn from fixed seeds: ``python -m benchmarks pictures``."""

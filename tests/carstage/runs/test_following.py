@@ -6,8 +6,6 @@ import json
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -22,11 +20,11 @@ from carstage.runs.events import RunEvent
 from carstage.runs.rig_source import settings_of
 from carstage.server import free_port
 from running_simulator import RunningSimulator
+from ticking_programs import ticking
 from waiting import await_that
 
 pytestmark = pytest.mark.xdist_group("following")
 
-PROGRAM = Path(__file__).parents[3] / "benchmarks/framework/clients/ticking_program.py"
 RIG: dict[str, Any] = {
     "image_size": [64, 36],
     "rig": {
@@ -39,22 +37,6 @@ RIG: dict[str, Any] = {
 FAST_RIG: dict[str, Any] = {"rig": {"sensors": [{"id": "IMU", "kind": "imu"}]}}
 
 
-@contextmanager
-def ticking(simulator: RunningSimulator, ticks: int, lives: int = 1) -> Iterator[list[int]]:
-    """Run the program; the list gets the last frame of each life, at the end."""
-    command = [sys.executable, str(PROGRAM), simulator.host, str(simulator.port)]
-    process = subprocess.Popen([*command, str(ticks), str(lives)], stdout=subprocess.PIPE)
-    last_frames: list[int] = []
-    try:
-        yield last_frames
-        told, _ = process.communicate(timeout=120.0)
-        assert process.returncode == 0
-        last_frames += [json.loads(line)["last_frame"] for line in told.splitlines()]
-    finally:
-        process.kill()
-        process.communicate()
-
-
 def address(simulator: RunningSimulator) -> str:
     return f"{simulator.host}:{simulator.port}"
 
@@ -63,8 +45,8 @@ def test_each_life_of_the_ego_becomes_a_valid_episode(
     simulator: RunningSimulator, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    with ticking(simulator, 150, lives=2) as last_frames:
-        ended = record_beside(address(simulator), "hero", RIG, out, episodes=2)
+    with ticking(simulator, 150, lives=2) as program:
+        ended = record_beside(address(simulator), "hero", RIG, out, program.on_event, episodes=2)
     assert (ended.state, ended.committed, ended.exit_code) == ("done", 2, 0)
     report = carstage.validate(out)
     assert report.ok, report.problems
@@ -80,19 +62,19 @@ def test_each_life_of_the_ego_becomes_a_valid_episode(
     ledgers = [
         episode.ledger()["server_frame"].to_pylist() for episode in carstage.Dataset(out).episodes
     ]
-    assert sorted(frames[-1] for frames in ledgers) == last_frames
+    assert sorted(frames[-1] for frames in ledgers) == program.last_frames
 
 
 def test_a_program_at_full_speed_loses_no_frame(
     simulator: RunningSimulator, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    with ticking(simulator, 300) as last_frames:
-        record_beside(address(simulator), "hero", FAST_RIG, out, episodes=1)
+    with ticking(simulator, 300) as program:
+        record_beside(address(simulator), "hero", FAST_RIG, out, program.on_event, episodes=1)
     (ledger,) = (pq.read_table(path) for path in out.glob("episodes/*/*/frames.parquet"))
     frames = ledger["server_frame"].to_pylist()
     assert frames == list(range(frames[0], frames[0] + len(frames)))
-    assert [frames[-1]] == last_frames
+    assert [frames[-1]] == program.last_frames
     assert len(frames) >= 200
     assert carstage.validate(out).ok
 
@@ -214,9 +196,15 @@ def test_what_overruns_is_missing_in_the_ledger_with_its_reason(
     # first are over before the streams are up, take no long time.
     camera = {**RIG["rig"]["sensors"][0], "kind": "depth"}
     large = {"image_size": [640, 480], "rig": {"sensors": [camera, *RIG["rig"]["sensors"][1:]]}}
-    with ticking(simulator, 150):
+    with ticking(simulator, 150) as program:
         record_beside(
-            address(simulator), "hero", large, out, settings=("output.raw_queue_mb=1",), episodes=1
+            address(simulator),
+            "hero",
+            large,
+            out,
+            program.on_event,
+            settings=("output.raw_queue_mb=1",),
+            episodes=1,
         )
     (ledger,) = (pq.read_table(path) for path in out.glob("episodes/*/*/frames.parquet"))
     rows = ledger.to_pylist()
@@ -236,7 +224,7 @@ def test_ctrl_c_keeps_what_is_whole(simulator: RunningSimulator, tmp_path: Path)
         *(sys.executable, "-m", "carstage.cli", "record", "--server", address(simulator)),
         *("--ego", "hero", "--rig", str(rig), "--out", str(out)),
     ]
-    with ticking(simulator, 8000):
+    with ticking(simulator, 8000, by_events=False):
         recorder = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE)
         try:
             events = out / "runs"
@@ -259,8 +247,13 @@ def test_what_could_not_be_converted_is_kept_and_converted_by_the_next_recording
         raise ConversionError("the disk of the converters is away", "Bring it back.")
 
     def recorded() -> RunResult:
-        with ticking(simulator, 60):
-            return record_beside(address(simulator), "hero", RIG, out, said.append, episodes=1)
+        with ticking(simulator, 60) as program:
+
+            def on_event(event: RunEvent) -> None:
+                said.append(event)
+                program.on_event(event)
+
+            return record_beside(address(simulator), "hero", RIG, out, on_event, episodes=1)
 
     out, said = tmp_path / "out", list[RunEvent]()
     with monkeypatch.context() as patched:

@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import resource
-import subprocess
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +15,10 @@ from carstage.errors import BadInputError, DiskFullError, ServerError
 from carstage.runs import preflight, record_beside
 from carstage.runs.events import OtherEvent, RunEvent
 from running_simulator import RunningSimulator, start_simulator, stop_simulator
+from ticking_programs import ticking
 
 pytestmark = pytest.mark.xdist_group("following")
 
-PROGRAM = Path(__file__).parents[3] / "benchmarks/framework/clients/ticking_program.py"
 RIG: dict[str, Any] = {
     "image_size": [64, 36],
     "rig": {
@@ -33,20 +29,6 @@ RIG: dict[str, Any] = {
     },
     "conversion": {"workers": 1},
 }
-
-
-@contextmanager
-def ticking(simulator: RunningSimulator, ticks: int, lives: int = 1) -> Iterator[None]:
-    """Run the program as long as the block needs it."""
-    command = [sys.executable, str(PROGRAM), simulator.host, str(simulator.port)]
-    process = subprocess.Popen(
-        [*command, str(ticks), str(lives)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
-    try:
-        yield
-    finally:
-        process.kill()
-        process.wait()
 
 
 def address(simulator: RunningSimulator) -> str:
@@ -63,7 +45,7 @@ def test_a_server_that_dies_leaves_what_it_showed_until_then(tmp_path: Path) -> 
     out = tmp_path / "out"
     try:
         with (
-            ticking(own, 100_000),
+            ticking(own, 100_000, by_events=False, to_the_end=False),
             pytest.raises(ServerError, match="is gone") as ended,
         ):
             record_beside(address(own), "hero", RIG, out, on_event)
@@ -87,6 +69,7 @@ def test_a_disk_that_fills_ends_the_recording_and_what_is_committed_stays(
     collectors: list[int] = []
 
     def on_event(event: RunEvent) -> None:
+        program.on_event(event)
         if isinstance(event, OtherEvent) and event.name == "collector_started":
             collectors.append(event.fields["pid"])
         if (
@@ -97,7 +80,10 @@ def test_a_disk_that_fills_ends_the_recording_and_what_is_committed_stays(
             psutil.Process(collectors[0]).rlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
 
     out = tmp_path / "out"
-    with ticking(simulator, 30, lives=3), pytest.raises(DiskFullError, match="raw log") as ended:
+    with (
+        ticking(simulator, 30, lives=3, to_the_end=False) as program,
+        pytest.raises(DiskFullError, match="raw log") as ended,
+    ):
         record_beside(address(simulator), "hero", RIG, out, on_event)
     assert ended.value.exit_code == 3
     (episode,) = carstage.Dataset(out).episodes

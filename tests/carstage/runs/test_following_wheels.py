@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +11,10 @@ import carstage
 from carstage.runs import record_beside
 from client_wheels import wheel_python
 from running_simulator import start_simulator, stop_simulator
+from ticking_programs import ticking
 
 pytestmark = [pytest.mark.end_to_end, pytest.mark.py38, pytest.mark.xdist_group("following")]
 
-PROGRAM = Path(__file__).parents[3] / "benchmarks/framework/clients/ticking_program.py"
 RIG: dict[str, Any] = {
     "image_size": [64, 36],
     "rig": {
@@ -36,22 +34,19 @@ def test_what_a_program_of_an_older_release_ticks_is_recorded(tmp_path: Path, ve
     simulator = start_simulator(
         tmp_path / "stderr.log", "--exit-with-parent", "--protocol", version
     )
-    command = [str(python), str(PROGRAM), simulator.host, str(simulator.port), str(TICKS), "1"]
-    program = subprocess.Popen(command, stdout=subprocess.PIPE)
     try:
-        ended = record_beside(f"{simulator.host}:{simulator.port}", "hero", RIG, out, episodes=1)
-        told, _ = program.communicate(timeout=60.0)
-        assert program.returncode == 0
+        with ticking(simulator, TICKS, python=str(python)) as program:
+            ended = record_beside(
+                f"{simulator.host}:{simulator.port}", "hero", RIG, out, program.on_event, episodes=1
+            )
     finally:
-        program.kill()
-        program.communicate()
         stop_simulator(simulator)
     assert (ended.state, ended.committed) == ("done", 1)
     (episode,) = carstage.Dataset(out).episodes
     scenario = episode.spec.scenario.to_json()
     assert (scenario["client"], scenario["server"]) == (version, version)
     frames = episode.ledger()["server_frame"].to_pylist()
-    assert frames == list(range(frames[0], json.loads(told)["last_frame"] + 1))
+    assert frames == list(range(frames[0], program.last_frames[0] + 1))
     report = carstage.validate(out)
     assert report.ok, report.problems
     ego = [row for row in episode.objects().to_pylist() if row["is_ego"]]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from carstage_sim.content.car_body import Bars, CarBody, Lamps, Outline, Tails
+from carstage_sim.content.body_shape import Bars, Lamps, Tails
+from carstage_sim.content.car_body import CarBody, Outline
 from carstage_sim.content.lettering import add_text
 from carstage_sim.content.lofting import Array, ShapeBuilder, uniform
 from carstage_sim.mesh import Material

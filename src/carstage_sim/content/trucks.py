@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from carstage_sim.content.body_shape import Bars, BodyShape, Lamps
 from carstage_sim.content.cabins import Cabin, add_cabin
-from carstage_sim.content.car_body import Bars, BodyShape, CarBody, Lamps
+from carstage_sim.content.car_body import CarBody
 from carstage_sim.content.car_faces import add_front
 from carstage_sim.content.car_trim import add_trim
 from carstage_sim.content.lettering import add_text

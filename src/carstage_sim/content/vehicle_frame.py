@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from carstage_sim.content.car_body import BodyFrame
+from carstage_sim.content.body_shape import BodyFrame
 from carstage_sim.content.lettering import plate_number
 from carstage_sim.content.lofting import ShapeBuilder
 from carstage_sim.content.wheels import add_wheel

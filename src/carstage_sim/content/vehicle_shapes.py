@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from carstage_sim.content.car_body import Bars, BodyShape, Lamps, Tails
+from carstage_sim.content.body_shape import Bars, BodyShape, Lamps, Tails
 from carstage_sim.mesh import Material
 
 

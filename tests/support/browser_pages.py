@@ -22,6 +22,7 @@ CHROMIUM = "/usr/bin/chromium"
 FLAGS = ["--enable-unsafe-swiftshader", "--disable-gpu-compositing", "--no-sandbox"]
 #: Folder for the documentation's pictures; empty: none are made.
 PICTURES = os.environ.get("CARSTAGE_PICTURES", "")
+_QUALITY_OF_JPEG = 85
 START_S = 60.0
 PATIENCE_MS = 25_000
 #: Refusals that a page provokes on purpose and shows at the field; browsers log them as errors.
@@ -137,7 +138,13 @@ def load_demo(page: Page) -> None:
 
 
 def picture(page: Page, name: str, gui: Gui) -> None:
-    """A picture for the documentation, where one was asked for; its datasets lie in ``/data``."""
+    """A picture for the documentation, where one was asked for; its datasets lie in ``/data``.
+
+    Args:
+        page: what is shown.
+        name: of the file; ``.jpg`` where most of it is what a camera saw.
+        gui: whose datasets they are.
+    """
     if not PICTURES:
         return
     page.evaluate(
@@ -149,7 +156,8 @@ def picture(page: Page, name: str, gui: Gui) -> None:
         }""",
         str(gui.datasets),
     )
-    page.screenshot(path=Path(PICTURES) / f"{name}.png")
+    quality = _QUALITY_OF_JPEG if name.endswith(".jpg") else None
+    page.screenshot(path=Path(PICTURES) / name, quality=quality)
 
 
 def wait_until(page: Page, condition: str, where: object = "") -> None:

@@ -117,6 +117,6 @@ def test_settings_are_searched_and_told_from_the_usual_ones(open_page: OpenPage,
     for name in ("Map", "Weather", "Episodes", "Duration", "Frame rate", "Image size",
                  "Maximum distance", "Ground truth", "Timing"):  # fmt: skip
         expect(form).to_contain_text(re.compile(name, re.IGNORECASE))
-    picture(page, "gui-paper", gui)
+    picture(page, "gui-paper.png", gui)
     page.get_by_role("button", name="Changed", exact=True).click()
     field(page, "Name").first.wait_for()

@@ -160,7 +160,7 @@ def test_a_gamepad_at_the_page_drives_and_its_drive_replays_to_the_same_bytes(
     page.evaluate(f"hold({RIGHT_TRIGGER}, 0.8)")
     until_tick(page, 12)
     expect(page.get_by_label("Throttle")).to_have_attribute("value", "0.8")
-    picture(page, "driving-at-the-page", gui)
+    picture(page, "driving-at-the-page.jpg", gui)
     page.evaluate("pad.axes = [0.4, 0, 0, 0]")
     until_tick(page, 30)
     page.context.close()  # the page goes while the throttle is down: the car brakes

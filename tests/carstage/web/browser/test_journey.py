@@ -154,7 +154,7 @@ def test_from_an_empty_page_to_an_exported_dataset(open_page: OpenPage, gui: Gui
     page.get_by_role("list", name="Sensors").get_by_role("button", name="CAM_FRONT").click()
     page.locator(".scene-host[data-ready=true]").wait_for()
     page.locator(".view-top .car-body").first.wait_for()
-    picture(page, "gui-configure", gui)
+    picture(page, "gui-configure.png", gui)
     page.get_by_role("button", name="Start", exact=True).click()
     expect(page.get_by_role("heading", name="journey")).to_be_visible()
     stop = page.get_by_role("button", name="Stop", exact=True)
@@ -171,7 +171,7 @@ def test_from_an_empty_page_to_an_exported_dataset(open_page: OpenPage, gui: Gui
     if PICTURES:
         page.get_by_text(re.compile(r"^[1-9]\d* / 50 frames$")).wait_for(timeout=RUN_MS)
         expect(page.locator(SHOWN)).to_have_count(7)
-    picture(page, "gui-run", gui)
+    picture(page, "gui-run.png", gui)
     badge = page.locator(".page-head .badge")
     expect(badge).to_have_text("done", timeout=RUN_MS)
     expect(page.get_by_text("1 of 1")).to_be_visible()
@@ -186,7 +186,7 @@ def test_from_an_empty_page_to_an_exported_dataset(open_page: OpenPage, gui: Gui
     page.locator(f'.scene-cameras [data-k="{FRAMES // 2}"]').wait_for()
     page.locator(".cloud-view:not([data-points='0'])").wait_for()
     page.locator(".map-view .lane").first.wait_for()
-    picture(page, "gui-episode", gui)
+    picture(page, "gui-episode.jpg", gui)
 
     page.goto(gui.url + "#/datasets/journey")
     page.get_by_role("tab", name="Export").click()
@@ -196,7 +196,7 @@ def test_from_an_empty_page_to_an_exported_dataset(open_page: OpenPage, gui: Gui
     assert any(gui.datasets.glob("exports/journey-coco/**/*.json"))
     page.get_by_role("tab", name="Statistics").click()
     expect(page.get_by_role("heading", name="Objects by class")).to_be_visible()
-    picture(page, "gui-datasets", gui)
+    picture(page, "gui-datasets.png", gui)
 
 
 def test_a_killed_interface_finds_its_run_again_and_another_browser_stops_it(

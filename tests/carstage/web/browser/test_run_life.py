@@ -144,7 +144,7 @@ def test_each_end_of_a_run_is_told_as_it_was(
         took = tile(page, "Took").inner_text()
         page.wait_for_timeout(1500)
         assert tile(page, "Took").inner_text() == took
-    picture(page, "gui-run-stopped", gui)
+    picture(page, "gui-run-stopped.png", gui)
 
 
 def test_a_second_attempt_is_marked_with_its_reason(
@@ -190,7 +190,7 @@ def test_load_and_speed_are_drawn_with_axes_and_read_by_pointer_and_keys(
     page.get_by_role("group", name="Workers").get_by_role("button", name="all").click()
     expect(frames).to_contain_text("at most 3.00/s")
     load.scroll_into_view_if_needed()
-    picture(page, "gui-run-load", gui)
+    picture(page, "gui-run-load.png", gui)
 
 
 def test_a_run_without_measurements_says_so_once(
@@ -250,7 +250,7 @@ def test_runs_are_compared_on_common_axes_at_one_address(
     expect(memory.get_by_role("status")).to_have_text("failed 1.0 GB at 20 s")
     chart.blur()
     page.mouse.move(0, 0)
-    picture(page, "gui-compare", gui)
+    picture(page, "gui-compare.png", gui)
     page.get_by_role("button", name="Copy as command").click()
     expect(page.get_by_label("Command", exact=True)).to_have_text(
         f"carstage runs compare {one.folder} {two.folder}"
@@ -326,7 +326,7 @@ def test_a_campaign_shows_what_of_it_is_recorded(
     quota = page.get_by_role("region", name="Coverage of Quotas").get_by_role("row").nth(1)
     expect(quota).to_have_text("town20 of 200")
     expect(page.get_by_text("the missing episodes are not needed")).to_be_visible()
-    picture(page, "gui-campaign", gui)
+    picture(page, "gui-campaign.png", gui)
     page.get_by_role("button", name="Copy as command").click()
     expect(page.get_by_label("Command", exact=True)).to_contain_text(
         f"carstage campaign report {gui.datasets / 'sampled'} - <<'CONFIG'"
@@ -462,7 +462,7 @@ def test_all_runs_stand_in_one_table(open_page: OpenPage, gui: Gui) -> None:
     expect(rows.filter(has_text="going")).to_have_count(0)
     page.get_by_label("Search the runs").fill("killed")
     expect(rows).to_have_count(1)
-    picture(page, "gui-runs", gui)
+    picture(page, "gui-runs.png", gui)
 
 
 def test_what_is_not_there_is_said_and_never_loads_for_ever(

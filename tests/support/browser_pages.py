@@ -137,13 +137,14 @@ def load_demo(page: Page) -> None:
     page.get_by_label("Coverage of the ground").select_option("off")
 
 
-def picture(page: Page, name: str, gui: Gui) -> None:
+def picture(page: Page, name: str, gui: Gui, part: Locator | None = None) -> None:
     """A picture for the documentation, where one was asked for; its datasets lie in ``/data``.
 
     Args:
         page: what is shown.
         name: of the file; ``.jpg`` where most of it is what a camera saw.
         gui: whose datasets they are.
+        part: what alone is shown; None: the whole page.
     """
     if not PICTURES:
         return
@@ -157,7 +158,7 @@ def picture(page: Page, name: str, gui: Gui) -> None:
         str(gui.datasets),
     )
     quality = _QUALITY_OF_JPEG if name.endswith(".jpg") else None
-    page.screenshot(path=Path(PICTURES) / name, quality=quality)
+    (part or page).screenshot(path=Path(PICTURES) / name, quality=quality)
 
 
 def wait_until(page: Page, condition: str, where: object = "") -> None:

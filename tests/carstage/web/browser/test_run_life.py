@@ -189,8 +189,7 @@ def test_load_and_speed_are_drawn_with_axes_and_read_by_pointer_and_keys(
         expect(frames).to_contain_text(f"at most {worker}.00/s")
     page.get_by_role("group", name="Workers").get_by_role("button", name="all").click()
     expect(frames).to_contain_text("at most 3.00/s")
-    load.scroll_into_view_if_needed()
-    picture(page, "gui-run-load.png", gui)
+    picture(page, "gui-run-load.png", gui, load)
 
 
 def test_a_run_without_measurements_says_so_once(

@@ -247,6 +247,7 @@ class Follower:
         """World and ego, once both are as they must be; None: nobody comes any more."""
         deadline_s = time.monotonic() + self._plan.wait_s
         seen_since_s: Optional[float] = None
+        world: Optional[Any] = None
         with Newcomers() as newcomers:
             while True:
                 self._stop.check()
@@ -293,7 +294,12 @@ class Follower:
         fresh = [a for a in fresh if not is_known_gone(world, a)]
         return min(fresh, key=lambda actor: int(actor.id)) if fresh else None
 
-    def _nobody(self, world: Any) -> SceneError:
+    def _nobody(self, world: Optional[Any]) -> SceneError:
+        if world is None:
+            return SceneError(
+                "ego: no vehicle %r appeared within %g s." % (self._plan.ego, self._plan.wait_s),
+                "The server answers, but tells nothing of its world: look into its log.",
+            )
         actors = world.get_actors()
         if not len(actors):
             return SceneError(

@@ -38,6 +38,7 @@ from carstage_sim.wire.streaming import StreamingServer
 from carstage_sim.wire.synchronous_owners import SynchronousOwners
 from carstage_sim.wire.traffic_managers import TrafficManagers
 from carstage_sim.wire.values import encode_actor, encode_scenery
+from carstage_sim.work_thread import Begun
 from carstage_sim.world.actors import Actor
 from carstage_sim.world.blueprints import sent_as
 from carstage_sim.world.snapshot import Snapshot
@@ -100,7 +101,7 @@ class Server:
         self._tick_requests: list[TickRequest] = []
         self._later: list[tuple[float, int, Callable[[], None]]] = []
         self._finished: deque[Callable[[], None]] = deque()
-        self._undrawn: list[Future[None]] = []
+        self._undrawn: list[Begun] = []
         self._tidies_up = False
         self._order = itertools.count()
         with ExitStack() as resources:
@@ -189,8 +190,9 @@ class Server:
     def _waits_for_pictures(self) -> bool:
         """Whether the next tick waits for pictures of earlier ones."""
         self._late.asked_by({one.call.connection.number for one in self._due_requests()})
-        self._undrawn = [drawn for drawn in self._undrawn if not drawn.done()]
-        if not self._undrawn or self._late.hold_up_the_world:
+        self._undrawn = [drawn for drawn in self._undrawn if not drawn.done.done()]
+        ends = len(self._undrawn) == 1 and self._undrawn[0].handed_out.done()
+        if not self._undrawn or ends or self._late.hold_up_the_world:
             return self._late.hold_up_the_world
         asked_s = min((one.asked_s for one in self._due_requests()), default=math.inf)
         is_patient = time.monotonic() - asked_s < _PATIENCE_S
@@ -344,7 +346,8 @@ class Server:
         self._late.begin_frame()
         if drawn is not None:
             self._undrawn.append(drawn)
-            drawn.add_done_callback(lambda _: self._rpc.wake())
+            for some in drawn:
+                some.add_done_callback(lambda _: self._rpc.wake())
 
     def _publish_captured(self, scene: Scene, captured: CapturedFrame, *, wait: bool) -> None:
         """Send a sensor's data; in any thread of the simulation."""

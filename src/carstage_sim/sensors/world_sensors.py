@@ -264,13 +264,15 @@ class WorldSensors:
             Piece(
                 partial(make, rank, request, sensor),
                 request.sensor_id,
-                sensor.pixels,
-                beside=sensor.beside_others and self._cameras is None and not here,
+                0 if self._cameras is not None else sensor.pixels,
+                beside=sensor.beside_others and not here,
             )
             for rank, (request, sensor) in enumerate(due)
         ]
         if due:
             _ = view.frame  # which all wait for, made while no other thread wants the interpreter
+        for one in views.values():
+            one.take_announced()
         return FramesUnderWay(self._side_by_side.begin(pieces, begun), tuple(views.values()))
 
     def miss(self, state: WorldState, requests: Sequence[SensorRequest]) -> None:

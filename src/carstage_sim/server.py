@@ -2,9 +2,10 @@
 
 :meth:`Server.run` is the simulation thread. It alone touches the world; the socket threads move
 bytes, and one more draws pictures of frames that are frozen. In synchronous mode it serves calls
-until one of them is a tick. For that it waits until the last frame is drawn, but a second at most
-while no other one waits, and not for pictures that nobody has shown to read. Otherwise it ticks by
-the wall clock, whatever the pictures take, and serves calls in between.
+until one of them is a tick. For that it waits until the next frame may begin: the last one is
+drawn, or all of it is with a card and the one before is drawn. It waits a second at most while no
+other one waits, and not for pictures that nobody has shown to read. Otherwise it ticks by the wall
+clock, whatever the pictures take, and serves calls in between.
 """
 
 from __future__ import annotations
@@ -191,8 +192,8 @@ class Server:
         """Whether the next tick waits for pictures of earlier ones."""
         self._late.asked_by({one.call.connection.number for one in self._due_requests()})
         self._undrawn = [drawn for drawn in self._undrawn if not drawn.done.done()]
-        ends = len(self._undrawn) == 1 and self._undrawn[0].handed_out.done()
-        if not self._undrawn or ends or self._late.hold_up_the_world:
+        only_sent = len(self._undrawn) == 1 and self._undrawn[0].handed_out.done()
+        if not self._undrawn or only_sent or self._late.hold_up_the_world:
             return self._late.hold_up_the_world
         asked_s = min((one.asked_s for one in self._due_requests()), default=math.inf)
         is_patient = time.monotonic() - asked_s < _PATIENCE_S

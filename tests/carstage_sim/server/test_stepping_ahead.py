@@ -128,8 +128,9 @@ def test_a_tick_that_waits_while_a_map_is_loaded_is_one_of_the_new_episode(
     assert second() <= 2
 
 
-def test_with_several_threads_a_frame_is_begun_while_the_last_one_ends(gate: Gate) -> None:
+def test_with_a_card_a_frame_is_begun_while_the_last_one_ends(gate: Gate) -> None:
     with Simulation("Stage01", threads=2) as simulation, ExitStack() as resources:
+        simulation._begins_early = True
         simulation.warm_up()
         simulation.apply_settings(SYNCHRONOUS)
         resources.callback(gate.open.set)
@@ -151,6 +152,7 @@ def test_with_several_threads_a_frame_is_begun_while_the_last_one_ends(gate: Gat
 def test_frames_that_are_made_side_by_side_are_those_made_one_after_the_other() -> None:
     def pictures(*, at_once: bool) -> list[tuple[int, int, bytes]]:
         with Simulation("Stage01", threads=3) as simulation:
+            simulation._begins_early = at_once
             simulation.apply_settings(SYNCHRONOUS)
             world = simulation.world
             x, y, z, *turned = world.town.spawn_points[0].tolist()

@@ -2,9 +2,10 @@
 
 :meth:`Server.run` is the simulation thread. It alone touches the world; the socket threads move
 bytes, and one more draws pictures of frames that are frozen. In synchronous mode it serves calls
-until one of them is a tick. For that it waits until the last frame is drawn, but a second at most
-while no other one waits, and not for pictures that nobody has shown to read. Otherwise it ticks by
-the wall clock, whatever the pictures take, and serves calls in between.
+until one of them is a tick. For that it waits until the next frame may begin: the last one is
+drawn, or all of it is with a card and the one before is drawn. It waits a second at most while no
+other one waits, and not for pictures that nobody has shown to read. Otherwise it ticks by the wall
+clock, whatever the pictures take, and serves calls in between.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ from carstage_sim.wire.streaming import StreamingServer
 from carstage_sim.wire.synchronous_owners import SynchronousOwners
 from carstage_sim.wire.traffic_managers import TrafficManagers
 from carstage_sim.wire.values import encode_actor, encode_scenery
+from carstage_sim.work_thread import Begun
 from carstage_sim.world.actors import Actor
 from carstage_sim.world.blueprints import sent_as
 from carstage_sim.world.snapshot import Snapshot
@@ -100,7 +102,7 @@ class Server:
         self._tick_requests: list[TickRequest] = []
         self._later: list[tuple[float, int, Callable[[], None]]] = []
         self._finished: deque[Callable[[], None]] = deque()
-        self._undrawn: list[Future[None]] = []
+        self._undrawn: list[Begun] = []
         self._tidies_up = False
         self._order = itertools.count()
         with ExitStack() as resources:
@@ -189,8 +191,9 @@ class Server:
     def _waits_for_pictures(self) -> bool:
         """Whether the next tick waits for pictures of earlier ones."""
         self._late.asked_by({one.call.connection.number for one in self._due_requests()})
-        self._undrawn = [drawn for drawn in self._undrawn if not drawn.done()]
-        if not self._undrawn or self._late.hold_up_the_world:
+        self._undrawn = [drawn for drawn in self._undrawn if not drawn.done.done()]
+        only_sent = len(self._undrawn) == 1 and self._undrawn[0].handed_out.done()
+        if not self._undrawn or only_sent or self._late.hold_up_the_world:
             return self._late.hold_up_the_world
         asked_s = min((one.asked_s for one in self._due_requests()), default=math.inf)
         is_patient = time.monotonic() - asked_s < _PATIENCE_S
@@ -344,7 +347,8 @@ class Server:
         self._late.begin_frame()
         if drawn is not None:
             self._undrawn.append(drawn)
-            drawn.add_done_callback(lambda _: self._rpc.wake())
+            for some in drawn:
+                some.add_done_callback(lambda _: self._rpc.wake())
 
     def _publish_captured(self, scene: Scene, captured: CapturedFrame, *, wait: bool) -> None:
         """Send a sensor's data; in any thread of the simulation."""

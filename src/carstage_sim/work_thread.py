@@ -6,14 +6,16 @@ import logging
 import threading
 from collections import deque
 from collections.abc import Callable, Hashable
-from concurrent.futures import Future
+from concurrent.futures import Future, wait
 from dataclasses import dataclass
 from functools import partial
-from typing import ParamSpec, TypeVar
+from typing import NamedTuple, ParamSpec, TypeVar
 
 logger = logging.getLogger(__name__)
 
 _MOST_WAITING = 64
+_MOST_RESTS = 1
+"""Rests of earlier work that may be left when new work begins beside them."""
 _LOOKS_AGAIN_S = 0.02
 """How often it is asked whether what is held has become urgent."""
 
@@ -31,11 +33,24 @@ class _PutOff:
     leave_out: Callable[[], None]
 
 
+class Begun(NamedTuple):
+    """Work that leaves a rest to others.
+
+    Attributes:
+        handed_out: done when only the rest is left.
+        done: when all is, with the error if there was one.
+    """
+
+    handed_out: Future[None]
+    done: Future[None]
+
+
 class WorkThread:
     """Does what it is handed, one after the other.
 
     What is handed over must not change afterwards. While it has nothing to do, whoever hands work
-    over may do such work himself.
+    over may do such work himself. Work may leave a rest to others: what was begun next in the same
+    way may go on beside it, all other work waits for it.
 
     Args:
         name: what the thread is called.
@@ -46,6 +61,7 @@ class WorkThread:
         self._changed = threading.Condition()
         self._undone = 0
         self._submitted: deque[Callable[[], None]] = deque()
+        self._rests: list[Future[None]] = []
         self._put_off: list[_PutOff] = []
         self._begun: list[_PutOff] = []
         self._leaves_out = False
@@ -71,6 +87,7 @@ class WorkThread:
         future: Future[_Result] = Future()
 
         def done() -> None:
+            self._await_rests()
             try:
                 result = work(*args, **kwargs)
             except BaseException as error:  # noqa: BLE001 - raised where the result is asked for
@@ -80,12 +97,48 @@ class WorkThread:
                 self._done_submitted()
                 future.set_result(result)
 
+        self._submit(done)
+        return future
+
+    def begin(self, work: Callable[[], Future[None]]) -> Begun:
+        """Hand work over that leaves a rest to others, and returns what is done when that is.
+
+        Waits only if far too much is waiting already.
+        """
+        begun = Begun(Future(), Future())
+
+        def rest_done(rest: Future[None]) -> None:
+            self._done_submitted()
+            if (error := rest.exception()) is not None:
+                begun.done.set_exception(error)
+            else:
+                begun.done.set_result(None)
+
+        def begin() -> None:
+            self._await_rests(_MOST_RESTS)
+            try:
+                rest = work()
+            except BaseException as error:  # noqa: BLE001 - raised where the result is asked for
+                rest = Future()
+                rest.set_exception(error)
+            self._rests.append(rest)
+            begun.handed_out.set_result(None)
+            rest.add_done_callback(rest_done)
+
+        self._submit(begin)
+        return begun
+
+    def _submit(self, work: Callable[[], None]) -> None:
         self._room.acquire()
         with self._changed:
             self._undone += 1
-            self._submitted.append(done)
+            self._submitted.append(work)
             self._changed.notify_all()
-        return future
+
+    def _await_rests(self, but: int = 0) -> None:
+        """Wait until no more than some of the rests that earlier work left are not done."""
+        while len(self._rests) > but:
+            wait([self._rests.pop(0)])
 
     def put_off(
         self,
@@ -213,10 +266,12 @@ class WorkThread:
         begun, self._begun = self._begun, []
         try:
             work()
+            self._await_rests()
         finally:
             self._begun = begun
 
     def _do_put_off(self, one: _PutOff) -> None:
+        self._await_rests()
         self._begun.append(one)
         try:
             (one.leave_out if self._leaves_out else one.work)()

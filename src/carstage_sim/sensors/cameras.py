@@ -205,6 +205,7 @@ class RgbCamera(RollingCamera):
         self.film = film_of(request.attributes)
         self.effects = FilmEffects.of(request)
         self._adaptation = Adaptation.of(request.attributes)
+        self._announced: dict[int, Film] = {}
 
     def observe(self, state: WorldState, request: SensorRequest) -> None:
         """Exposure follows the weather of steps that are not shown, too."""
@@ -212,7 +213,8 @@ class RgbCamera(RollingCamera):
 
     def measure(self, state: WorldState, request: SensorRequest, view: View) -> ImageFrame:
         """The picture, alpha 255, with the effects that were asked for; debug shapes over it."""
-        camera, film = self.exposing(state, request, view), self._film(state, view)
+        film = self._announced.pop(state.frame, None) or self._film(state, view)
+        camera = self.exposing(state, request, view)
         pixels = view.pixels(camera, film)
         seen = self.effects.on(pixels, film, camera, (state, request, view))
         return self.image(view.with_shapes(camera, seen))
@@ -220,7 +222,9 @@ class RgbCamera(RollingCamera):
     def announce(self, state: WorldState, request: SensorRequest, view: View) -> None:
         """Its colours will be asked for."""
         if not self.rolling_s:
-            view.announce(self.camera(request), Product.COLOURS, self._film(state, view))
+            # A later tick is announced before this one is measured, and exposed in its order.
+            film = self._announced[state.frame] = self._film(state, view)
+            view.announce(self.camera(request), Product.COLOURS, film)
 
     def _film(self, state: WorldState, view: View) -> Film:
         """The film as it is exposed in a step."""

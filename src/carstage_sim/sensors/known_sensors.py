@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from carstage_sim.maps.town import Town
 from carstage_sim.sensors.looping import Looping, LoopingSensor
@@ -33,9 +33,17 @@ class KnownSensors:
         self._last_frame = -1
 
     def due(
-        self, state: WorldState, requests: Sequence[SensorRequest]
+        self,
+        state: WorldState,
+        requests: Sequence[SensorRequest],
+        settle: Callable[[int], None] = lambda sensor_id: None,
     ) -> list[tuple[SensorRequest, Sensor]]:
         """The sensors whose turn it is, in the order of the requests; the others see the tick.
+
+        Args:
+            state: the tick.
+            requests: of all sensors.
+            settle: waits until a sensor's earlier frames are made.
 
         Raises:
             KeyError: a request's blueprint id is not a known sensor.
@@ -54,10 +62,16 @@ class KnownSensors:
             if sensor.is_due(state.timestamp_s):
                 due.append((request, sensor))
             else:
+                settle(request.sensor_id)
                 sensor.observe(state, request)
         return due
 
-    def miss(self, state: WorldState, requests: Sequence[SensorRequest]) -> None:
+    def miss(
+        self,
+        state: WorldState,
+        requests: Sequence[SensorRequest],
+        settle: Callable[[int], None] = lambda sensor_id: None,
+    ) -> None:
         """Let those that are known see a tick in which none has its turn."""
         if state.frame <= self._last_frame:
             return
@@ -65,6 +79,7 @@ class KnownSensors:
         for request in requests:
             sensor = self._sensors.get(request.sensor_id)
             if sensor is not None and sensor.answers(request):
+                settle(request.sensor_id)
                 sensor.observe(state, request)
 
     def _made(self, request: SensorRequest) -> Sensor:

@@ -140,10 +140,19 @@ def turned(
     return world
 
 
+_Pictures = dict[Product, NDArray[np.uint8]]
+
+
+def _received(pending: Pending, camera: Camera) -> _Pictures:
+    """Pictures of a camera, ``(H, W, 4)`` or ``(H, W, 8)``, when the card has made them."""
+    shape = camera.height, camera.width, -1
+    return {product: data.reshape(shape) for product, data in pending.pictures().items()}
+
+
 class View:
     """What can be seen in one tick.
 
-    Several threads may ask at once, unless a card makes the pictures.
+    Several threads may ask at once.
 
     Args:
         make_frame: gives the scene; called when the first sensor looks at it.
@@ -179,9 +188,9 @@ class View:
         self._rows: dict[Camera, Once[Rows]] = {}
         self._colours: dict[tuple[Camera, Film], Once[NDArray[np.uint8]]] = {}
         self._cameras = cameras
+        self._card_lock = threading.Lock()
         self._expected: dict[tuple[Camera, Film], set[Product]] = {}
-        self._pending: dict[tuple[Camera, Film], Pending] = {}
-        self._made: dict[tuple[Camera, Film, Product], NDArray[np.uint8]] = {}
+        self._taken: dict[tuple[Camera, Film, Product], Once[_Pictures]] = {}
         self.cast_count = 0
 
     @property
@@ -351,8 +360,14 @@ class View:
 
     def announce(self, camera: Camera, product: Product, film: Film = _USUAL_FILM) -> None:
         """Say that a picture will be asked for, so that a card makes it together with others."""
-        if not self._is_for_cpu(camera, product):
+        if self._cameras is not None and not self._is_for_cpu(camera, product):
             self._expected.setdefault((camera, film), set()).add(product)
+
+    def take_announced(self) -> None:
+        """Let a card begin the pictures that were announced."""
+        if self._cameras is not None and self._expected:
+            with self._card_lock:
+                self._take_expected(self._cameras, None)
 
     def on_card(
         self,
@@ -372,13 +387,12 @@ class View:
         if self._cameras is None or self._is_for_cpu(camera, product):
             return None
         key = (camera, film, product)
-        if (camera, film) in self._pending:
-            self._receive(camera, film)
-        if key not in self._made:
-            self._expected.setdefault((camera, film), set()).add(product)
-            self._take_expected(self._cameras, motions)
-            self._receive(camera, film)
-        return self._made[key]
+        with self._card_lock:
+            if key not in self._taken:
+                self._expected.setdefault((camera, film), set()).add(product)
+                self._take_expected(self._cameras, motions)
+            pictures = self._taken[key]
+        return pictures()[product]
 
     def _is_for_cpu(self, camera: Camera, product: Product) -> bool:
         """Whether the CPU makes a picture: with debug shapes, or row by row."""
@@ -390,23 +404,20 @@ class View:
         """Whether a card makes pictures."""
         return self._cameras is not None
 
-    def _receive(self, camera: Camera, film: Film) -> None:
-        for product, data in self._pending.pop((camera, film)).pictures().items():
-            picture = data.reshape(camera.height, camera.width, -1)
-            self._made[camera, film, product] = picture
-
     def _take_expected(self, cameras: GpuCameras, motions: Motions | None) -> None:
         light = self.lighting
         self._count_cast(len(self._expected))
-        for key, products in self._expected.items():
-            self._pending[key] = cameras.take(
+        for (camera, film), products in self._expected.items():
+            pending = cameras.take(
                 self.frame,
-                self._shot(key[0]),
+                self._shot(camera),
                 products,
                 light,
-                film=key[1],
+                film=film,
                 motions=motions if Product.FLOW in products else None,
             )
+            pictures = Once(partial(_received, pending, camera))
+            self._taken.update({(camera, film, product): pictures for product in products})
         self._expected.clear()
 
     def _shot(self, camera: Camera) -> Shot:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from threading import Lock
@@ -47,6 +49,22 @@ from carstage_sim.sensors.side_by_side import Piece, SideBySide
 from carstage_sim.sensors.view import Camera, View
 from carstage_sim.world.pose import Vector3
 from carstage_sim.world.state import Weather, WorldState
+
+_RANKS_OF_A_TICK = 1 << 20
+"""What a tick's sensors ask of the rays comes behind that of earlier ticks."""
+
+
+@dataclass(frozen=True, slots=True)
+class FramesUnderWay:
+    """Frames of a tick that are being made.
+
+    Attributes:
+        done: when all are delivered, with the first error.
+        views: what sensors ask.
+    """
+
+    done: Future[None]
+    views: tuple[View, ...]
 
 
 class WorldSensors:
@@ -92,6 +110,7 @@ class WorldSensors:
         self._known = KnownSensors(town, loop)
         self._making = Lock()
         self._prepared: tuple[WorldState, Frame] | None = None
+        self._ticks_begun = 0
         self.instant = InstantSensors(KnownSensors(town, loop), self._view)
         """Those that another thread may ask."""
         self.last_cast_count = 0
@@ -161,14 +180,14 @@ class WorldSensors:
             KeyError: a request's blueprint id is not a known sensor.
             SensorAttributeError: an attribute of a new sensor has an impossible value.
         """
+        made: list[tuple[int, SensorFrame]] = []
+        rays_before = self._caster.ray_count
+        frames = self.begin(state, self.due(state, requests), lambda *one: made.append(one))
+        frames.done.result()
+        self.last_cast_count = sum(view.cast_count for view in frames.views)
+        self.last_ray_count = self._caster.ray_count - rays_before
         place = {request.sensor_id: number for number, request in enumerate(requests)}
-        return sorted(self.frames(state, requests), key=lambda made: place[made[0]])
-
-    def frames(
-        self, state: WorldState, requests: Sequence[SensorRequest]
-    ) -> Iterator[tuple[int, SensorFrame]]:
-        """As :meth:`capture`, each as soon as it is made: others are made while one is sent."""
-        return self.frames_of(state, self.due(state, requests))
+        return sorted(made, key=lambda one: place[one[0]])
 
     def due(
         self, state: WorldState, requests: Sequence[SensorRequest]
@@ -178,73 +197,87 @@ class WorldSensors:
         Raises:
             KeyError, SensorAttributeError: as :meth:`capture`.
         """
-        return self._known.due(state, requests)
+        return self._known.due(state, requests, self._side_by_side.wait_for)
 
     @contextmanager
-    def giving_way(self, state: WorldState, give_way: Callable[[], None] | None) -> Iterator[None]:
-        """In the block, frames of a tick are made in small pieces, with others in between.
+    def giving_way(self, state: WorldState, give_way: Callable[[], None]) -> Iterator[None]:
+        """In the block, frames of a tick are made here in small pieces, with others in between.
+
+        A card makes each frame in one go.
 
         Args:
             state: the tick.
-            give_way: called between the pieces; it may ask for frames of other ticks, in a block of
-                its own. None makes each frame in one go, as a card does in any case.
+            give_way: called between the pieces; frames of other ticks may be made in it, in one go
+                or in a block of their own.
         """
 
         def between() -> None:
-            if give_way is not None:
+            with self._caster.in_pieces(None):
                 give_way()
-                if state.town_changes is not None:
-                    self._store.show(state.town_changes)
+            if state.town_changes is not None:
+                self._store.show(state.town_changes)
 
-        in_pieces = give_way is not None and self._cameras is None
-        with self._caster.in_pieces(between if in_pieces else None):
+        with self._caster.in_pieces(between if self._cameras is None else None):
             yield
 
-    def frames_of(
+    def begin(
         self,
         state: WorldState,
         due: Sequence[tuple[SensorRequest, Sensor]],
+        deliver: Callable[[int, SensorFrame], None],
         begun: Callable[[], None] = lambda: None,
-    ) -> Iterator[tuple[int, SensorFrame]]:
-        """Frames of sensors whose turn it is in a tick, from :meth:`due`.
+        *,
+        here: bool = False,
+    ) -> FramesUnderWay:
+        """Begin the frames of sensors whose turn it is in a tick, from :meth:`due`.
+
+        Returns when threads are at work on all of them; those of earlier ticks may be under way
+        still, and come first. Frames of one sensor are delivered in their order.
 
         Args:
             state: the tick.
             due: the sensors.
+            deliver: called with the id of a sensor and a frame, in the thread that made it.
             begun: called when threads are at work on the first of them.
+            here: have the calling thread make them.
         """
+        if not self._store.shows(state.town_changes):
+            self._side_by_side.wait_for_all()  # what is under way shows the town as it was
         view = self._view(state)
         views = {frozenset[int](): view}
-        rays_before = self._caster.ray_count
         for request, sensor in due:
             if request.ignored not in views:
                 views[request.ignored] = self._view(state, view, request.ignored)
-            sensor.announce(state, request, views[request.ignored])
+            if self._cameras is not None:
+                sensor.announce(state, request, views[request.ignored])
+        self._ticks_begun += 1
+        earlier = self._ticks_begun * _RANKS_OF_A_TICK
 
-        def report(rank: int, request: SensorRequest, sensor: Sensor) -> Sequence[SensorFrame]:
-            with self._caster.ranked(rank):
-                return sensor.report(state, request, views[request.ignored])
+        def make(rank: int, request: SensorRequest, sensor: Sensor) -> None:
+            last = 0 if sensor.many_steps else len(due)
+            with self._caster.ranked(earlier + last + rank):
+                reported = sensor.report(state, request, views[request.ignored])
+            for frame in reported:
+                deliver(request.sensor_id, frame)
 
         pieces = [
             Piece(
-                partial(report, rank if sensor.many_steps else rank + len(due), request, sensor),
-                sensor.pixels,
-                beside=sensor.beside_others and self._cameras is None,
+                partial(make, rank, request, sensor),
+                request.sensor_id,
+                0 if self._cameras is not None else sensor.pixels,
+                beside=sensor.beside_others and not here,
             )
             for rank, (request, sensor) in enumerate(due)
         ]
         if due:
             _ = view.frame  # which all wait for, made while no other thread wants the interpreter
-        reports = self._side_by_side.results(pieces, begun)
-        for number, reported in reports:
-            for frame in reported:
-                yield due[number][0].sensor_id, frame
-        self.last_cast_count = sum(one.cast_count for one in views.values())
-        self.last_ray_count = self._caster.ray_count - rays_before
+        for one in views.values():
+            one.take_announced()
+        return FramesUnderWay(self._side_by_side.begin(pieces, begun), tuple(views.values()))
 
     def miss(self, state: WorldState, requests: Sequence[SensorRequest]) -> None:
         """Let the sensors see a tick of which there are no frames."""
-        self._known.miss(state, requests)
+        self._known.miss(state, requests, self._side_by_side.wait_for)
 
     def prepare(self, state: WorldState) -> None:
         """Make the scene of a coming tick while another is drawn; any thread may call it.

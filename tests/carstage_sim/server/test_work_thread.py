@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from functools import partial
 
 import pytest
@@ -70,6 +71,71 @@ def test_far_too_much_work_makes_who_hands_it_over_wait(worker: WorkThread) -> N
     gate.set()
     thread.join()
     assert len(handed) == 1000
+
+
+def test_the_rest_of_work_goes_on_beside_what_is_begun_next_and_nothing_else(
+    worker: WorkThread,
+) -> None:
+    done: list[str] = []
+    rests = [Future[None]() for _ in range(3)]
+
+    def begin(number: int) -> Future[None]:
+        done.append(f"begun {number}")
+        return rests[number]
+
+    begun = [worker.begin(partial(begin, number)) for number in range(3)]
+    begun[1].handed_out.result(10.0)
+    assert done == ["begun 0", "begun 1"]  # two are under way, the third waits for the first
+    assert not any(one.done.done() for one in begun)
+    assert worker.busy
+    rests[0].set_result(None)
+    begun[2].handed_out.result(10.0)
+    submitted = worker.submit(done.append, "submitted")
+    worker.put_off(partial(done.append, "put off"))
+    rests[1].set_result(None)
+    begun[1].done.result(10.0)
+    assert not submitted.done()
+    rests[2].set_exception(KeyError("the third"))
+    worker.finish()
+    assert done == ["begun 0", "begun 1", "begun 2", "submitted", "put off"]
+    with pytest.raises(KeyError, match="the third"):
+        begun[2].done.result(0)
+    assert not worker.busy
+
+
+def test_work_that_cannot_begin_leaves_no_rest(worker: WorkThread) -> None:
+    def fail() -> Future[None]:
+        raise ValueError("at once")
+
+    begun = worker.begin(fail)
+    with pytest.raises(ValueError, match="at once"):
+        begun.done.result(10.0)
+    assert begun.handed_out.done()
+    assert worker.submit(lambda: 1).result(10.0) == 1
+
+
+def test_a_piece_goes_on_when_the_rest_of_what_came_in_between_is_done(
+    worker: WorkThread,
+) -> None:
+    done: list[str] = []
+    rest = Future[None]()
+    came = threading.Event()
+
+    def in_pieces() -> None:
+        came.set()
+        await_that(lambda: bool(begun))
+        worker.give_way()
+        done.append(f"goes on, {rest.done()}")
+
+    begun: list[object] = []
+    worker.put_off(in_pieces)
+    assert came.wait(10.0)
+    one = worker.begin(lambda: rest)
+    begun.append(one)
+    one.handed_out.result(10.0)
+    rest.set_result(None)
+    worker.finish()
+    assert done == ["goes on, True"]
 
 
 def put_off_behind_a_gate(worker: WorkThread, work: Callable[[], None]) -> threading.Event:

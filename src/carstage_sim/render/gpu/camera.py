@@ -72,7 +72,7 @@ class Pending:
 
 
 class GpuCameras:
-    """Takes pictures on a card.
+    """Takes pictures on a card; several threads may call it.
 
     Args:
         caster: the card and the scene on it.
@@ -109,7 +109,18 @@ class GpuCameras:
             film: how light becomes codes.
             motions: since this camera's last picture; only flow needs them.
         """
-        film = film or Film()
+        with self._gpu.handing_over:
+            return self._take(frame, shot, products, light, film or Film(), motions)
+
+    def _take(
+        self,
+        frame: Frame,
+        shot: Shot,
+        products: Collection[Product],
+        light: Lighting,
+        film: Film,
+        motions: Motions | None,
+    ) -> Pending:
         source = frame_source(frame, self._materials, film.exposed(light))
         self._caster.geometry.update(frame.scene)
         if self._program is None:

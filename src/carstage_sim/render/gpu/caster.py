@@ -13,7 +13,7 @@ from carstage_sim.render.cast import Scene
 from carstage_sim.render.caster import AIMED, Hits, Packets, RayCaster, Slopes
 from carstage_sim.render.gpu.device import Gpu, wgsl
 from carstage_sim.render.gpu.geometry import GpuGeometry
-from carstage_sim.render.gpu.transfer import padded
+from carstage_sim.render.gpu.transfer import Readback, padded
 from carstage_sim.render.pixel_kernels import ray_directions
 
 GROUP = 64
@@ -73,26 +73,46 @@ class GpuCaster(RayCaster):
     ) -> Hits:
         """Nearest hits of rays; see :meth:`carstage_sim.render.caster.RayCaster.cast`."""
         count = len(directions)
-        self.ray_count += count
+        self._count(count)
         start = np.ascontiguousarray(origin, np.float32)
         origins = start.reshape(-1, 3)
         rays = np.ascontiguousarray(directions, np.float32)
         if not count:
             none = np.empty(0, np.int32)
             return Hits(start, rays, np.empty(0, np.float32), none, none, np.empty((0, 2), "f4"))
+        words = np.array([count, len(origins) == 1, skip_row, weights, 0, 0], np.int64)
+        batch = words.astype(np.uint32)
+        batch[4:] = np.array([low, high], np.float32).view(np.uint32)
+        with self.gpu.handing_over:
+            readback, submission = self._submit(scene, origins, rays, batch)
+        met = readback.bytes(submission).view(np.uint32)
+        return Hits(
+            start,
+            rays,
+            met[:count].view(np.float32),
+            met[count : 2 * count].view(np.int32),
+            met[2 * count : 3 * count].view(np.int32),
+            met[3 * count :].view(np.float32).reshape(-1, 2),
+        )
+
+    def _submit(
+        self,
+        scene: Scene,
+        origins: NDArray[np.float32],
+        rays: NDArray[np.float32],
+        batch: NDArray[np.uint32],
+    ) -> tuple[Readback, int]:
+        """Let the card cast rays; ``batch`` as ``cast.wgsl`` has it."""
+        gpu, count = self.gpu, len(rays)
         self.geometry.update(scene)
-        gpu = self.gpu
         if self._origins.size < origins.nbytes:
             self._origins = gpu.upload(origins.nbytes)
         if self._ways.size < rays.nbytes:
             self._ways = gpu.upload(rays.nbytes)
         if self._found is None or self._found.size < 20 * count:
             self._found = gpu.storage(25 * count)
-        batch = np.array([count, len(origins) == 1, skip_row, weights, 0, 0], np.int64)
-        batch = batch.astype(np.uint32)
-        batch[4:] = np.array([low, high], np.float32).view(np.uint32)
         gpu.write(self._batch, batch)
-        size = (20 if weights else 12) * count
+        size = (20 if batch[3] else 12) * count
         readback = gpu.readback(size)
         used = (self._origins.buffer, self._ways.buffer, self._found, self._batch)
         encoder = gpu.device.create_command_encoder()
@@ -108,15 +128,7 @@ class GpuCaster(RayCaster):
         submission = gpu.submit(encoder)
         self._origins.read_by(submission)
         self._ways.read_by(submission)
-        words = readback.bytes(submission).view(np.uint32)
-        return Hits(
-            start,
-            rays,
-            words[:count].view(np.float32),
-            words[count : 2 * count].view(np.int32),
-            words[2 * count : 3 * count].view(np.int32),
-            words[3 * count :].view(np.float32).reshape(-1, 2),
-        )
+        return readback, submission
 
     def cast_together(
         self,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import threading
 from collections import deque
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -100,7 +101,7 @@ def wgsl(*names: str) -> str:
 
 
 class Gpu:
-    """A card.
+    """A card; one thread at a time hands it work, any may receive what it made.
 
     Attributes:
         name: the card's own.
@@ -109,6 +110,7 @@ class Gpu:
         constants: WGSL of what kernels have to know of the card: whether it rounds a multiply-add
             once. Mesa's driver on the CPU rounds twice.
         device: wgpu's device.
+        handing_over: held by who hands the card work.
     """
 
     def __init__(self, adapter: Any) -> None:
@@ -123,11 +125,13 @@ class Gpu:
         limits = {name: adapter.limits[name] for name in _LARGE_LIMITS}
         self.device: Any = adapter.request_device_sync(required_limits=limits)
         self._native = Native(self.device)
+        self.handing_over = threading.RLock()
         self._copiers = ThreadPoolExecutor(_COPIERS, thread_name_prefix="copier")
         self._shaders: dict[str, Any] = {}
         self._staging: dict[int, list[Any]] = {}
         self._returned: deque[Any] = deque()
         self._lent = 0
+        self._lending = threading.Lock()
 
     def storage(self, size: int) -> Any:
         """A buffer of at least ``size`` bytes that kernels read and write."""
@@ -190,7 +194,7 @@ class Gpu:
         """A way back for ``size`` bytes."""
         while self._returned:
             staging = self._returned.popleft()
-            self._lent -= staging.size
+            self._lend(-staging.size)
             self._native.unmap(staging)
             self._staging[staging.size].append(staging)
         step = 1 << max(padded(size).bit_length() - 3, 8)
@@ -207,16 +211,22 @@ class Gpu:
         The buffer is used again as soon as nobody holds the array.
         """
         returned = self._returned
-        self._lent += staging.size
+        lent = self._lend(staging.size)
         arrived = self._native.map(
             staging, padded(size), READ, after, lambda: returned.append(staging)
         )[:size]
-        if self._lent <= _MOST_LENT:
+        if lent <= _MOST_LENT:
             return arrived
         # Somebody keeps pictures: a card's memory is too dear for that.
         data = np.empty(size, np.uint8)
         self.copy(data, arrived)
         return data
+
+    def _lend(self, size: int) -> int:
+        """Count bytes that are read where the card wrote them; how many there are now."""
+        with self._lending:
+            self._lent += size
+            return self._lent
 
     def upload(self, size: int) -> Upload:
         """A way to the card for at least ``size`` bytes."""

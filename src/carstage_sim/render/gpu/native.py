@@ -6,6 +6,7 @@ and copies. Here the caller waits for one submission, and gets the mapped memory
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -16,10 +17,23 @@ READ, WRITE = 1, 2
 """Modes of mapping, as ``WGPUMapMode`` has them."""
 
 _BOUNDS_CHECKS = 1
+_ASKS_AGAIN_S = 1.0
+
+
+class _Answer:
+    """What a card says to a wish to map a buffer."""
+
+    def __init__(self) -> None:
+        self.came = threading.Event()
+        self.status = 0
+
+    def is_there(self, status: int) -> None:
+        self.status = status
+        self.came.set()
 
 
 class Native:
-    """The functions of one device.
+    """The functions of one device; one thread at a time submits and dispatches, any may map.
 
     Args:
         device: wgpu's device.
@@ -30,18 +44,14 @@ class Native:
 
         self._ffi, self._lib = ffi, lib
         self._device = device
-        self._status = 0
 
-        def mapped(status: int, message: object, first: object, second: object) -> None:
-            self._status = int(status)
+        def mapped(status: int, message: object, answer: object, second: object) -> None:
+            ffi.from_handle(answer).is_there(int(status))
 
         signature = "void(WGPUMapAsyncStatus, WGPUStringView, void *, void *)"
         self._callback = ffi.callback(signature, mapped)
-        self._info = ffi.new("WGPUBufferMapCallbackInfo *")
-        self._info.mode = lib.WGPUCallbackMode_AllowProcessEvents
-        self._info.callback = self._callback
         self._commands = ffi.new("WGPUCommandBuffer[1]")
-        self._index = ffi.new("WGPUSubmissionIndex *")
+        self._waiting = threading.Lock()
 
     def submit(self, commands: Any) -> int:
         """Let the card begin; the number tells this submission from others."""
@@ -74,17 +84,30 @@ class Native:
         Raises:
             RuntimeError: the card was lost.
         """
-        lib, internal = self._lib, buffer._internal
-        self._status = 0
-        lib.wgpuBufferMapAsync(internal, mode, 0, size, self._info[0])
-        self._index[0] = after
-        # Answers arrive within this call, in this thread.
-        lib.wgpuDevicePoll(self._device._internal, True, self._index)
-        if self._status != lib.WGPUMapAsyncStatus_Success:
-            raise RuntimeError(f"the card's memory could not be mapped (status {self._status})")
+        ffi, lib, internal = self._ffi, self._lib, buffer._internal
+        answer = _Answer()
+        handle = ffi.new_handle(answer)
+        info = ffi.new("WGPUBufferMapCallbackInfo *")
+        info.mode = lib.WGPUCallbackMode_AllowProcessEvents
+        info.callback, info.userdata1 = self._callback, handle
+        lib.wgpuBufferMapAsync(internal, mode, 0, size, info[0])
+        self._await(answer, ffi.new("WGPUSubmissionIndex *", after))
+        if answer.status != lib.WGPUMapAsyncStatus_Success:
+            raise RuntimeError(f"the card's memory could not be mapped (status {answer.status})")
         get = lib.wgpuBufferGetConstMappedRange if mode == READ else lib.wgpuBufferGetMappedRange
-        memory = self._ffi.gc(get(internal, 0, size), lambda _: done())
-        return np.frombuffer(self._ffi.buffer(memory, size), np.uint8)
+        memory = ffi.gc(get(internal, 0, size), lambda _: done())
+        return np.frombuffer(ffi.buffer(memory, size), np.uint8)
+
+    def _await(self, answer: _Answer, submission: Any) -> None:
+        """Wait for an answer, which comes in the thread that happens to ask for any."""
+        poll, device = self._lib.wgpuDevicePoll, self._device._internal
+        poll(device, False, self._ffi.NULL)
+        while not answer.came.is_set():
+            # One at a time waits within the library: who submits gets in between.
+            with self._waiting:
+                if not answer.came.is_set():
+                    poll(device, True, submission)
+            answer.came.wait(_ASKS_AGAIN_S)
 
     def unmap(self, buffer: Any) -> None:
         """Give a buffer's memory back to the card."""

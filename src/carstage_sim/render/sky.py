@@ -8,6 +8,7 @@ all read it. Radiance is in units in which sunlight above the air has irradiance
 
 from __future__ import annotations
 
+import math
 import threading
 from functools import cache
 from typing import NamedTuple
@@ -61,6 +62,10 @@ _LIT_WALLS = 0.6
 _NIGHT_SKY = np.array([0.0015, 0.0022, 0.0045])
 _LAMPLIT_RAIN = np.array([0.0085, 0.0058, 0.0030])
 """Light of the town's lamps that heavy rain scatters by night."""
+_THICK_RAIN = 0.25
+"""So much rain scatters two thirds of that: thick air gets no lighter where it is thicker."""
+_AWAY_M = 20.0
+"""How far away from a camera most of what it sees is."""
 _TOWN_GLOW = np.array([0.0064, 0.0043, 0.0024])
 """Light of the town's lamps that the air above it scatters, at the horizon."""
 _GLOW_RAD = 0.16
@@ -316,12 +321,14 @@ def _lighting(weather: Weather, noise: Array) -> Lighting:
     ambient[2] = ground
     rain = np.clip(weather.precipitation / 100.0, 0.0, 1.0)
     fog, fog_glow, fog_per_m = _fog(weather, sky, sun, sun_direction)
-    fog = fog + night * rain**0.6 * _LAMPLIT_RAIN
+    lamplit = night * (1.0 - math.exp(-rain / _THICK_RAIN)) * _LAMPLIT_RAIN
+    fog = fog + lamplit
     deposits = np.clip(weather.precipitation_deposits / 100.0, 0.0, 1.0)
     # Where water stands in puddles, the ground around them is damp.
     wet = max(np.clip(weather.wetness / 100.0, 0.0, 1.0), rain, float(deposits))
-    # A camera adapts, but not fully: nights stay darker than days.
+    # A camera adapts, but not fully: nights stay darker than days. It sees the lit fog, too.
     level = float((ambient[0] + sun * max(sun_direction[2], 0.15)).mean())
+    level += np.pi * float(lamplit.mean()) * (1.0 - math.exp(-fog_per_m * _AWAY_M))
     exposure = _EXPOSURE / (level + 0.002) ** _ADAPTATION
     brightest = float((ambient[0] + sun).mean())
     exposure *= max(_SUNLIT / brightest, 1.0) ** (_BY_DAY * (1.0 - night))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from carstage_sim.render.film import Film
 from carstage_sim.render.sky import COLUMNS, ROWS, SkyModel
 from carstage_sim.world.state import Weather
 
@@ -142,6 +143,41 @@ def test_by_night_the_towns_light_stands_above_the_horizon(light):
     assert sky[0].mean() > 2.0 * sky[-1].mean()
     assert sky[0, 0] > sky[0, 2], "the lamps are warm"
     assert np.all(np.diff(sky[:, 0]) <= 1e-6)
+
+
+def test_a_camera_adapts_to_what_fog_in_rain_throws_back_of_the_lamps_light(light):
+    def exposure(**weather):
+        return float(light(sun_altitude_angle=-90.0, cloudiness=100.0, **weather).exposure)
+
+    dry = exposure(fog_density=100.0)
+    assert exposure(fog_density=100.0, precipitation=100.0) < 0.85 * dry
+    assert exposure(fog_density=0.0, precipitation=100.0) > 0.95 * dry, "less of it is seen"
+
+
+@pytest.mark.parametrize(
+    ("weather", "iso"),
+    [
+        (Weather(cloudiness=5.0, sun_altitude_angle=-90.0), 2060.0),
+        (
+            Weather(
+                cloudiness=100.0, sun_altitude_angle=-90.0, precipitation=100.0, fog_density=100.0
+            ),
+            2620.0,
+        ),
+    ],
+    ids=["clear night", "heavy rain"],
+)
+def test_nights_take_the_sensitivities_that_the_documentation_says(weather, iso):
+    light = SkyModel().lighting(weather, 0.0)
+    assert Film().sensitivity(light) == pytest.approx(iso, rel=0.01)
+
+
+def test_half_of_the_heaviest_rain_throws_nearly_as_much_lamplight_back(light):
+    none, half, all_ = (
+        light(sun_altitude_angle=-90.0, precipitation=rain).fog.astype(float)
+        for rain in (0.0, 50.0, 100.0)
+    )
+    assert (half - none) / (all_ - none) == pytest.approx(0.88, abs=0.01)
 
 
 def daylight(kelvin):

@@ -20,14 +20,18 @@ _FLAT_CODES = 1.0
 _SKY_TAG = 11
 _TOWNS = ("Stage01", "Stage02", "Stage03")
 _WEATHERS = {"day": ("ClearNoon", "WetNoon"), "night": ("ClearNight", "WetNight")}
+_NOISY = "night_with_sensor_noise"
 _PLACES = 4
 _VEHICLES, _WALKERS, _SEED = 40, 15, 7
 _EYE_M = 1.7
 
 
 def flat_figures() -> list[Figure]:
-    """How many pictures of three towns have too much without structure, and the worst of them."""
-    shares: dict[str, dict[str, float]] = {time: {} for time in _WEATHERS}
+    """How many pictures of three towns have too much without structure, and the worst of them.
+
+    Those by night are judged with the sensor's noise, too: it dithers what is as dark as few codes.
+    """
+    shares: dict[str, dict[str, float]] = {time: {} for time in (*_WEATHERS, _NOISY)}
     for town in _TOWNS:
         map_ = town_of(town)
         with WorldSensors(map_, threads=1) as sensors:
@@ -39,7 +43,10 @@ def flat_figures() -> list[Figure]:
                         x, y, z, _, yaw, _ = map_.spawn_points[way].tolist()
                         place = (x, y, z + _EYE_M)
                         here = replace(scene, location=place, rotation_deg=(-4.0, yaw, 0.0))
-                        shares[time][f"{town} {weather} {k}"] = flat_share(here, weather)
+                        name = f"{town} {weather} {k}"
+                        shares[time][name] = flat_share(here, weather)
+                        if time == "night":
+                            shares[_NOISY][name] = flat_share(here, weather, noise=True)
     figures = []
     for time, found in shares.items():
         over = sum(share > MOST_FLAT for share in found.values())
@@ -52,14 +59,19 @@ def flat_figures() -> list[Figure]:
     return figures
 
 
-def flat_share(scene: ReferenceScene, weather: str) -> float:
+def flat_share(scene: ReferenceScene, weather: str, *, noise: bool = False) -> float:
     """Share of the pixels outside the sky that lie in patches of 32 x 32 without any structure.
 
     Flat is a patch whose brightness has a standard deviation below one code.
+
+    Args:
+        scene: the world and the place to look from.
+        weather: a named preset.
+        noise: whether the camera has ``sensor_noise``.
     """
     state = scene.state(named_presets()[weather])
     size = {"image_size_x": 640, "image_size_y": 352}
-    colour = scene.frame(state, "camera.rgb", **size)
+    colour = scene.frame(state, "camera.rgb", sensor_noise=str(noise).lower(), **size)
     tags = scene.frame(state, "camera.semantic_segmentation", **size)
     assert isinstance(colour, ImageFrame)
     assert isinstance(tags, ImageFrame)

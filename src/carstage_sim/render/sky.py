@@ -8,6 +8,7 @@ all read it. Radiance is in units in which sunlight above the air has irradiance
 
 from __future__ import annotations
 
+import math
 import threading
 from functools import cache
 from typing import NamedTuple
@@ -15,6 +16,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage_sim.render.daylight import (
+    ABOVE_AIR_KLX,
+    CLEAR_UP_TO,
+    luminance,
+    sky_gain,
+    sun_left,
+)
 from carstage_sim.world.state import Weather
 from carstage_sim.world.street_lights import LAMPS_ON_BELOW_DEG
 
@@ -24,6 +32,8 @@ ROWS, COLUMNS = 192, 1024
 """Size of the sky table: rows from the horizon to the zenith, columns around, yaw 0 first."""
 
 _SUN_IRRADIANCE = 20.0
+_KLX = ABOVE_AIR_KLX / _SUN_IRRADIANCE
+"""Illuminance of an irradiance of luminance 1."""
 _PLANET_M = 6_360_000.0
 _AIR_TOP_M = 60_000.0
 _RAYLEIGH_PER_M = np.array([7.2e-6, 13.7e-6, 32.4e-6])
@@ -39,6 +49,9 @@ _SKY_GAIN = 1.35
 """Single scattering is too dark by about this much."""
 _EXPOSURE, _ADAPTATION = 1.571, 0.52
 """A white wall at noon comes out at 1.7 times the curve's unit, by night at about 0.15."""
+_SUNLIT, _BY_DAY = 18.7, 0.12
+"""Light of what faces the sun by a clear noon, and how much more a camera adapts by day where
+nothing is as bright."""
 _SKY_SHARE = 0.55
 """What is seen of the sky from the middle of a street, its houses three quarters of its width high:
 the cosine of ``atan(2 * 0.75)``."""
@@ -49,6 +62,10 @@ _LIT_WALLS = 0.6
 _NIGHT_SKY = np.array([0.0015, 0.0022, 0.0045])
 _LAMPLIT_RAIN = np.array([0.0085, 0.0058, 0.0030])
 """Light of the town's lamps that heavy rain scatters by night."""
+_THICK_RAIN = 0.25
+"""So much rain scatters two thirds of that: thick air gets no lighter where it is thicker."""
+_AWAY_M = 20.0
+"""How far away from a camera most of what it sees is."""
 _TOWN_GLOW = np.array([0.0064, 0.0043, 0.0024])
 """Light of the town's lamps that the air above it scatters, at the horizon."""
 _GLOW_RAD = 0.16
@@ -284,19 +301,12 @@ def _lighting(weather: Weather, noise: Array) -> Lighting:
     sky = _spread(half, azimuth) + _NIGHT_SKY
     clear_up = _irradiance(sky)[0]
     night = float(np.clip((np.radians(LAMPS_ON_BELOW_DEG) - altitude) / np.radians(10.0), 0.0, 1.0))
-    # Clouds: lit by the sun through themselves and by the sky.
-    overcast = cloud**2
-    cover = np.clip((noise - (0.78 - 0.62 * cloud)) / 0.22, 0.0, 1.0) if cloud > 0 else 0 * noise
-    cover = cover * cover * (3 - 2 * cover)
-    cover = np.clip(cover + max(0.0, overcast * 2.4 - 1.4), 0.0, 1.0)
-    bright = (sun * max(np.sin(altitude), 0.03) * 0.75 + clear_up * 0.8) / np.pi
-    bright = bright * (1.0 - 0.55 * overcast)
-    shade = (1.12 - 0.75 * np.clip(noise - 0.3, 0.0, 1.0) * (0.5 + cloud))[..., None]
-    opacity = (cover * min(1.0, 0.35 + 0.9 * cloud))[..., None]
-    sky = sky * (1 - opacity) + opacity * bright * shade
+    clouds = (sun * max(np.sin(altitude), 0.03) * 0.75 + clear_up * 0.8) / np.pi
+    sky = _clouded(sky, clouds, noise, float(cloud))
+    own_klx = _KLX * luminance(_irradiance(sky)[0])
+    sky = sky * sky_gain(float(cloud), altitude, own_klx)
     sky = sky + night * _town_glow(cloud)
-    dim = (1.0 - 0.97 * overcast * min(1.0, cloud + 0.1)) * (1.0 - 0.25 * cloud)
-    sun = sun * dim
+    sun = sun * _sun_through(altitude, float(cloud))
     if night > 0.5 and sun.max() < 0.02:
         moon = np.array([0.4, -0.5, 0.75])
         sun_direction = moon / np.linalg.norm(moon)
@@ -311,13 +321,17 @@ def _lighting(weather: Weather, noise: Array) -> Lighting:
     ambient[2] = ground
     rain = np.clip(weather.precipitation / 100.0, 0.0, 1.0)
     fog, fog_glow, fog_per_m = _fog(weather, sky, sun, sun_direction)
-    fog = fog + night * rain**0.6 * _LAMPLIT_RAIN
+    lamplit = night * (1.0 - math.exp(-rain / _THICK_RAIN)) * _LAMPLIT_RAIN
+    fog = fog + lamplit
     deposits = np.clip(weather.precipitation_deposits / 100.0, 0.0, 1.0)
     # Where water stands in puddles, the ground around them is damp.
     wet = max(np.clip(weather.wetness / 100.0, 0.0, 1.0), rain, float(deposits))
-    # A camera adapts, but not fully: nights stay darker than days.
+    # A camera adapts, but not fully: nights stay darker than days. It sees the lit fog, too.
     level = float((ambient[0] + sun * max(sun_direction[2], 0.15)).mean())
+    level += np.pi * float(lamplit.mean()) * (1.0 - math.exp(-fog_per_m * _AWAY_M))
     exposure = _EXPOSURE / (level + 0.002) ** _ADAPTATION
+    brightest = float((ambient[0] + sun).mean())
+    exposure *= max(_SUNLIT / brightest, 1.0) ** (_BY_DAY * (1.0 - night))
     return Lighting(
         sun_direction.astype(np.float32),
         sun.astype(np.float32),
@@ -338,6 +352,36 @@ def _lighting(weather: Weather, noise: Array) -> Lighting:
         exposure=np.float32(exposure),
         time_s=np.float32(0.0),
     )
+
+
+def _clouded(sky: Array, light: Array, noise: Array, cloud: float) -> Array:
+    """A clear sky with clouds before it.
+
+    Args:
+        sky: ``(ROWS, COLUMNS, 3)`` radiance without them.
+        light: ``(3,)`` radiance of a thin cloud, lit by the sun through itself and by the sky.
+        noise: ``(ROWS, COLUMNS)`` where they are.
+        cloud: cloudiness, 0-1.
+    """
+    if cloud <= 0.0:
+        return sky
+    overcast = cloud**2
+    cover = np.clip((noise - (0.78 - 0.62 * cloud)) / 0.22, 0.0, 1.0)
+    cover = cover * cover * (3 - 2 * cover)
+    cover = np.clip(cover + max(0.0, overcast * 2.4 - 1.4), 0.0, 1.0)
+    bright = light * (1.0 - 0.55 * overcast)
+    shade = (1.12 - 0.75 * np.clip(noise - 0.3, 0.0, 1.0) * (0.5 + cloud))[..., None]
+    opacity = (cover * min(1.0, 0.35 + 0.9 * cloud))[..., None]
+    clouded: Array = sky * (1 - opacity) + opacity * bright * shade
+    return clouded
+
+
+def _sun_through(altitude_rad: float, cloud: float) -> float:
+    """Share of the sunlight that clouds leave; few of them dim it by a little only."""
+    few = min(cloud, CLEAR_UP_TO)
+    dim = (1.0 - 0.97 * few**2 * (few + 0.1)) * (1.0 - 0.25 * few)
+    usual = _sunlight(max(altitude_rad, 0.0), Air(haze=0.7 + 1.5 * cloud, blue=1.0))
+    return dim * sun_left(cloud, altitude_rad, dim * _KLX * luminance(usual))
 
 
 def _town_glow(cloud: float) -> Array:

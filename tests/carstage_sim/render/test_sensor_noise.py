@@ -49,6 +49,13 @@ def test_codes_are_those_of_the_light_that_stands_for_them(gamma):
     assert np.array_equal(film_codes(gamma)[np.rint(shown * 8191).astype(int)], every)
 
 
+def test_noise_leaves_no_dark_wall_flat_by_night():
+    """Bricks of a wall of 12 codes differ by less than one: noise of three electrons is nine."""
+    iso = Film().sensitivity(SkyModel().lighting(NIGHT, 0.0))
+    patch = noisy(12, iso, 5, 32 * 32)[:, :3]
+    assert patch.astype(float).std() > 3.0
+
+
 @pytest.mark.parametrize("iso", [800.0, 3200.0])
 def test_variance_grows_with_the_light_as_that_of_counted_electrons(iso):
     electrons = FULL_WELL * 100.0 / iso

@@ -16,10 +16,11 @@ from typing import Any
 
 from carstage.plan import RunEstimate
 from carstage.runs.folder import CurrentEpisode, EpisodeCounts, State, WorkerStatus
+from carstage.spec.values import Value
 
 
-@dataclass(frozen=True, slots=True)
-class RunEvent:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class RunEvent(Value):
     """Base of all events.
 
     Attributes:
@@ -46,7 +47,7 @@ error that it raises ends the run. A ``Notice`` may come from another thread."""
 # What only ``on_event`` gets.
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class RunPlanned(RunEvent):
     """The run is planned and fits on the disk; nothing is recorded yet.
 
@@ -61,7 +62,7 @@ class RunPlanned(RunEvent):
     skipped: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Progress(RunEvent):
     """How far the run is; comes several times a second.
 
@@ -80,7 +81,7 @@ class Progress(RunEvent):
     eta_s: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Notice(RunEvent):
     """A sentence that the user should read, such as a warning about the configuration."""
 
@@ -90,7 +91,7 @@ class Notice(RunEvent):
 # Lines of events.jsonl.
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class OtherEvent(RunEvent):
     """A line without a type here, such as the collector's ticks.
 
@@ -103,14 +104,14 @@ class OtherEvent(RunEvent):
     fields: Mapping[str, Any]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class RunStarted(RunEvent):
     """The run's folder exists."""
 
     run_id: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class RunFinished(RunEvent):
     """The run has ended; nothing comes after it."""
 
@@ -119,7 +120,7 @@ class RunFinished(RunEvent):
     failed: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class WorkerStarted(RunEvent):
     """One of several workers is there; its server is not up yet."""
 
@@ -128,7 +129,7 @@ class WorkerStarted(RunEvent):
     pid: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class WorkerLost(RunEvent):
     """One of several workers has died; its episodes are recorded again by others."""
 
@@ -136,7 +137,7 @@ class WorkerLost(RunEvent):
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class ServerStarted(RunEvent):
     """A server is up; ``pid`` is None where we did not start it."""
 
@@ -146,7 +147,7 @@ class ServerStarted(RunEvent):
     pid: int | None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class GraphicsCardChecked(RunEvent):
     """On which graphics card a server runs.
 
@@ -159,21 +160,21 @@ class GraphicsCardChecked(RunEvent):
     found: int | None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class ServerLost(RunEvent):
     """A server ended while it started, and is started once more."""
 
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class ServerStopped(RunEvent):
     """A server was stopped; ``exit_code`` is None where it goes on without us."""
 
     exit_code: int | None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class ServerTested(RunEvent):
     """The verdict of the self-test, as in the commit marker.
 
@@ -194,7 +195,7 @@ class ServerTested(RunEvent):
     gnss: dict[str, str] | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Connected(RunEvent):
     """A collector has connected to the server."""
 
@@ -202,7 +203,7 @@ class Connected(RunEvent):
     map: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class AttemptReserved(RunEvent):
     """An attempt of an episode begins; its folder exists."""
 
@@ -210,7 +211,7 @@ class AttemptReserved(RunEvent):
     attempt: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class EpisodeStarted(RunEvent):
     """The collector begins to record; ``ticks`` is the number of steps to come."""
 
@@ -219,7 +220,7 @@ class EpisodeStarted(RunEvent):
     ticks: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class ActorsSpawned(RunEvent):
     """How many actors of each kind were asked for and are there."""
 
@@ -228,7 +229,7 @@ class ActorsSpawned(RunEvent):
     spawned: Mapping[str, int]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class EpisodeRecorded(RunEvent):
     """The raw recording is whole; ``incomplete`` ticks lack data of a sensor."""
 
@@ -238,7 +239,7 @@ class EpisodeRecorded(RunEvent):
     incomplete: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class FramesConverted(RunEvent):
     """All frames of an episode are files."""
 
@@ -246,7 +247,7 @@ class FramesConverted(RunEvent):
     frames: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Load(RunEvent):
     """What the run's processes take; comes every two seconds.
 
@@ -265,7 +266,7 @@ class Load(RunEvent):
     disk_free_bytes: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class EpisodeCommitted(RunEvent):
     """An episode is part of the dataset."""
 
@@ -273,7 +274,7 @@ class EpisodeCommitted(RunEvent):
     attempt: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class EpisodeSkipped(RunEvent):
     """An episode is in the dataset without this run; ``attempt`` is set where one was lost."""
 
@@ -282,7 +283,7 @@ class EpisodeSkipped(RunEvent):
     attempt: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class EpisodeRetried(RunEvent):
     """An attempt failed; another one follows."""
 
@@ -291,7 +292,7 @@ class EpisodeRetried(RunEvent):
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class EpisodeFailed(RunEvent):
     """An episode failed; the run goes on with the next one."""
 

@@ -107,7 +107,8 @@ class _EpisodeWriter:
         asked = frame_tables(lane_lines=spec.labels.lane_lines, patches=bool(spec.patches))
         for name, columns in asked.items():
             schema = label_schema(columns)
-            parts = [read_label_part(self._parts, name, one) for one in self._log.segments]
+            found = [read_label_part(self._parts, name, one) for one in self._log.segments]
+            parts = [part for part in found if part.num_columns] or [schema.empty_table()]
             if not all(part.schema.equals(schema) for part in parts):
                 raise ConversionError(
                     f"Label parts of {name} are of another version of Car-STAGE.", "Try again."

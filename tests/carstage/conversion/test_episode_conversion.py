@@ -21,17 +21,20 @@ from threading import Event
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
 import analytic_dataset
 import analytic_scene
 from analytic_dataset import convert
-from carstage.annotation.schema import EGO_COLUMNS
+from carstage.annotation.schema import EGO_COLUMNS, frame_tables
 from carstage.conversion import EpisodeConversion, conversion_pool
 from carstage.conversion.documents import ledger_table
 from carstage.conversion.encoded import parts_folder
 from carstage.conversion.segment import label_segment, read_label_part, rows_to_table
 from carstage.conversion.sensors import plan_sensors
+from carstage.conversion.town import Town
+from carstage.conversion.whole_episode import write_episode
 from carstage.dataset.tables import read_table
 from carstage.errors import BadInputError, ConversionError, RawLogError
 from carstage.rawlog.reader import EpisodeLog
@@ -235,6 +238,39 @@ def test_points_are_read_for_labels_only_where_there_are_objects(
     assert ("LIDAR_TOP" in read) is asked
     rows = read_label_part(parts_folder(tmp_path / "raw", None), "objects.parquet", 0).num_rows
     assert (rows > 0) is asked
+
+
+@pytest.mark.parametrize("without", [(0, 1), (1,)])
+def test_tables_are_the_same_whatever_stands_for_parts_without_rows(
+    without: tuple[int, ...], tmp_path: Path
+) -> None:
+    analytic_scene.write_raw_log(tmp_path / "raw")
+    columns = frame_tables(lane_lines=False)["objects.parquet"]
+    segments = EpisodeLog(tmp_path / "raw").segments
+    assert set(without) <= set(segments)
+    for segment in segments:
+        label_segment(tmp_path / "raw", FolderFiles(tmp_path / "label"), segment)
+    written = {}
+    for made_by in ("Arrow", "us"):
+        for segment in without:
+            part = parts_folder(tmp_path / "raw", None) / f"{segment:06d}.objects.arrow"
+            if made_by == "us":
+                part.write_bytes(b"no rows\n")
+                continue
+            nothing = rows_to_table([], columns, "objects.parquet")
+            with pa.OSFile(str(part), "wb") as file, pa.ipc.new_file(file, nothing.schema) as arrow:
+                arrow.write_table(nothing)
+        out = FolderFiles(tmp_path / made_by)
+        write_episode(tmp_path / "raw", out, {}, {"IMU": (), "GNSS": ()}, None, Town())
+        written[made_by] = contents(out.folder)
+    assert "objects.parquet" in written["us"]
+    assert written["us"] == written["Arrow"]
+
+
+def test_a_part_without_rows_that_is_cut_off_is_damaged(tmp_path: Path) -> None:
+    (tmp_path / "000000.objects.arrow").write_bytes(b"no ro")
+    with pytest.raises(ConversionError, match="gone or damaged"):
+        read_label_part(tmp_path, "objects.parquet", 0)
 
 
 def test_what_an_earlier_conversion_left_behind_is_removed(raw: Path, tmp_path: Path) -> None:

@@ -145,7 +145,7 @@ class Section(BaseModel):
             if name not in without and (value is not None or fields[name].default is not None)
         }
 
-    @model_serializer(mode="wrap")
+    @model_serializer(mode="wrap", return_type=dict[str, Any])
     def _leave_out_what_is_not_set(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Without the keys that are None by default; None in place of a default is kept."""
         fields = type(self).model_fields

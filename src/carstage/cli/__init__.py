@@ -62,6 +62,8 @@ def main() -> None:
     # Nothing multiplies matrices large enough to be shared out, but NumPy would have a thread for
     # each core wait for some: a tenth of a second of CPU in each of a run's processes.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # Nor is there so much memory that Arrow's need be given back by a thread, some ms of each run.
+    os.environ.setdefault("JE_ARROW_MALLOC_CONF", "background_thread:false")
     # Imports make objects that stay: to look through them after each 700 takes 30 ms.
     gc.set_threshold(_LOOKS_FOR_GARBAGE_AFTER)
     # What is there at the end ends with the process: Python need not look through it for garbage.

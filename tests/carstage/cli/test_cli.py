@@ -102,20 +102,27 @@ def test_a_run_of_a_lidar_loads_nothing_that_others_need() -> None:
     assert ended.stdout.split() == []
 
 
-@pytest.mark.parametrize(("given", "threads"), [({}, "1"), ({"OPENBLAS_NUM_THREADS": "3"}, "3")])
-def test_threads_that_nothing_uses_are_not_started(given: dict[str, str], threads: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "default", "other"),
+    [
+        ("OPENBLAS_NUM_THREADS", "1", "3"),
+        ("JE_ARROW_MALLOC_CONF", "background_thread:false", "background_thread:true"),
+    ],
+)
+def test_threads_that_nothing_uses_are_not_started(name: str, default: str, other: str) -> None:
     code = (
         "import atexit, os, sys, carstage.cli\n"
-        "atexit.register(lambda: print(os.environ['OPENBLAS_NUM_THREADS']))\n"
+        f"atexit.register(lambda: print(os.environ['{name}']))\n"
         "sys.argv = ['carstage', '--version']\n"
         "carstage.cli.main()"
     )
-    environment = {name: os.environ[name] for name in os.environ if "OPENBLAS" not in name}
-    ended = subprocess.run(
-        [sys.executable, "-c", code],
-        env=environment | given, capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    assert ended.stdout.split()[-1] == threads
+    environment = {key: os.environ[key] for key in os.environ if key != name}
+    for given, threads in (({}, default), ({name: other}, other)):
+        ended = subprocess.run(
+            [sys.executable, "-c", code],
+            env=environment | given, capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        assert ended.stdout.split()[-1] == threads
 
 
 @pytest.mark.parametrize(

@@ -14,9 +14,11 @@ from typing import Any
 import numba
 from numba.core import types
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler import DefaultPassBuilder
 from numba.core.compiler_machinery import register_pass
 from numba.core.typed_passes import NativeLowering
+
+from carstage_sim.kernel_compiler import KernelCompiler
 
 
 class _LinkedLibrary(JITCodeLibrary):
@@ -51,7 +53,7 @@ class _LinkedLowering(NativeLowering):
         return True
 
 
-class _LinkedCompiler(CompilerBase):
+class _LinkedCompiler(KernelCompiler):
     """Numba's own passes, but for the last step to machine code."""
 
     def define_pipelines(self) -> list[Any]:

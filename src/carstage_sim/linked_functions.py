@@ -16,9 +16,36 @@ from numba.core import types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import DefaultPassBuilder
 from numba.core.compiler_machinery import register_pass
-from numba.core.typed_passes import NativeLowering
+from numba.core.typed_passes import InlineOverloads, NativeLowering, NopythonRewrites
+from numba.core.untyped_passes import (
+    FindLiterallyCalls,
+    InlineClosureLikes,
+    InlineInlinables,
+    LiteralPropagationSubPipelinePass,
+    LiteralUnroll,
+    MakeFunctionToJitFunction,
+    RewriteDynamicRaises,
+    WithLifting,
+)
 
 from carstage_sim.kernel_compiler import KernelCompiler
+
+_UNUSED_PASSES = (
+    WithLifting,
+    InlineClosureLikes,
+    RewriteDynamicRaises,
+    MakeFunctionToJitFunction,
+    InlineInlinables,
+    FindLiterallyCalls,
+    LiteralUnroll,
+    LiteralPropagationSubPipelinePass,
+    InlineOverloads,
+    NopythonRewrites,
+)
+"""Numba's passes for closures, ``with``, raised values, ``literally`` and sums of whole arrays.
+
+A linked function has none of these: numba would refuse it. Each pass looks at all of its code.
+"""
 
 
 class _LinkedLibrary(JITCodeLibrary):
@@ -54,13 +81,14 @@ class _LinkedLowering(NativeLowering):
 
 
 class _LinkedCompiler(KernelCompiler):
-    """Numba's own passes, but for the last step to machine code."""
+    """Numba's own passes, but for those without use and the last step to machine code."""
 
     def define_pipelines(self) -> list[Any]:
         passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
         passes.passes = [
             (_LinkedLowering if kind is NativeLowering else kind, text)
             for kind, text in passes.passes
+            if kind not in _UNUSED_PASSES
         ]
         passes.finalize()
         return [passes]

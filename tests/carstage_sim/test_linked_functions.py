@@ -41,6 +41,28 @@ def test_functions_are_compiled_into_a_kernel_once_for_all_constants(
         scaled(1.0, 2, False)
 
 
+def test_code_that_several_functions_call_is_gathered_for_the_kernel_alone() -> None:
+    @device
+    def lowest(value):  # type: ignore[no-untyped-def]
+        return value * value + 1.0
+
+    @device
+    def left(value):  # type: ignore[no-untyped-def]
+        return lowest(value) - 3.0
+
+    @device
+    def right(value):  # type: ignore[no-untyped-def]
+        return left(value) / lowest(value + 1.0)
+
+    @kernel
+    def both(value):  # type: ignore[no-untyped-def]
+        return left(value) + right(value)
+
+    assert both(2.0) == 2.0 + 2.0 / 10.0
+    libraries = [next(iter(one.overloads.values())).library for one in (lowest, left, right)]  # type: ignore[attr-defined]
+    assert [library._whole is None for library in libraries] == [True, False, False]
+
+
 def comprehension(values, n):  # type: ignore[no-untyped-def]
     return sum([values[i] for i in range(n)])
 

@@ -33,8 +33,9 @@ import numba
 # for the type of its own argument at that moment would fail.
 import numba.experimental.function_type
 
-from carstage_sim import linked_functions
+from carstage_sim import kernel_compiler, linked_functions
 from carstage_sim.cache import cache_folder, mark_used
+from carstage_sim.kernel_compiler import KernelCompiler
 from carstage_sim.linked_functions import linked
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
@@ -54,8 +55,8 @@ def kernel_package(source: Path) -> Path:
 def kernel_cache_key(package: Path) -> str:
     """Hash over the sources of a kernel package, of how it is compiled, numba's version and CPU."""
     digest = hashlib.sha256()
-    how = (Path(__file__), Path(linked_functions.__file__))
-    for source in (*how, *sorted(package.rglob("*.py"))):
+    how = (__file__, kernel_compiler.__file__, linked_functions.__file__)
+    for source in (*map(Path, how), *sorted(package.rglob("*.py"))):
         digest.update(source.name.encode())
         digest.update(source.read_bytes())
     cpu = f"{llvm.get_host_cpu_name()} {llvm.get_host_cpu_features().flatten()}"
@@ -93,7 +94,8 @@ def _cached(function: Callable[..., Any], **options: Any) -> Callable[..., Any]:
     config: Any = numba.config  # whose names are made at run time
     before, config.CACHE_DIR = config.CACHE_DIR, str(folder)
     try:
-        compiled: Callable[..., Any] = numba.njit(cache=keeps, **{**_OPTIONS, **options})(function)
+        how = {"pipeline_class": KernelCompiler, **_OPTIONS, **options}
+        compiled: Callable[..., Any] = numba.njit(cache=keeps, **how)(function)
     finally:
         config.CACHE_DIR = before
     return compiled

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from numba.core.errors import NumbaError
 
 from carstage_sim.cache import CACHE_VARIABLE
 from carstage_sim.kernels import device, inlined, kernel
@@ -36,3 +39,52 @@ def test_functions_are_compiled_into_a_kernel_once_for_all_constants(
     assert [len(one.overloads) for one in functions] == [1, 1]  # type: ignore[attr-defined]
     with pytest.raises(TypeError, match="at most 1 argument"):
         scaled(1.0, 2, False)
+
+
+def test_code_that_several_functions_call_is_gathered_for_the_kernel_alone() -> None:
+    @device
+    def lowest(value):  # type: ignore[no-untyped-def]
+        return value * value + 1.0
+
+    @device
+    def left(value):  # type: ignore[no-untyped-def]
+        return lowest(value) - 3.0
+
+    @device
+    def right(value):  # type: ignore[no-untyped-def]
+        return left(value) / lowest(value + 1.0)
+
+    @kernel
+    def both(value):  # type: ignore[no-untyped-def]
+        return left(value) + right(value)
+
+    assert both(2.0) == 2.0 + 2.0 / 10.0
+    libraries = [next(iter(one.overloads.values())).library for one in (lowest, left, right)]  # type: ignore[attr-defined]
+    assert [library._whole is None for library in libraries] == [True, False, False]
+
+
+def comprehension(values, n):  # type: ignore[no-untyped-def]
+    return sum([values[i] for i in range(n)])
+
+
+def inner_function(values, n):  # type: ignore[no-untyped-def]
+    def one(i):  # type: ignore[no-untyped-def]
+        return values[i] + n
+
+    return one(0)  # type: ignore[no-untyped-call]
+
+
+def whole_arrays(values, n):  # type: ignore[no-untyped-def]
+    return (values + values * n)[0]
+
+
+@pytest.mark.parametrize("part", [comprehension, inner_function, whole_arrays])
+def test_what_linked_functions_may_not_have_is_refused(part: Callable[..., Any]) -> None:
+    called = device(part)
+
+    @kernel
+    def calls_it(values, n):  # type: ignore[no-untyped-def]
+        return called(values, n)
+
+    with pytest.raises(NumbaError):
+        calls_it(np.ones(3), 2)

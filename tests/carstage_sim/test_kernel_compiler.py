@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from numba.core.compiler import CompilerBase
 from numba.core.errors import NumbaError
+from numba.extending import overload
 
 from carstage_sim import kernel_compiler
 from carstage_sim.kernel_compiler import KernelCompiler
@@ -68,10 +69,15 @@ def test_what_numba_compiles_for_each_caller_is_not_remembered(
     known: dict[Any, Any] = {}
     monkeypatch.setattr(kernel_compiler._RememberingTypes, "_signatures", known)
 
-    def smaller(a, b):  # type: ignore[no-untyped-def]
-        return min(a, b) * a
+    def halved(a):  # type: ignore[no-untyped-def]
+        return 0.5 * a
 
-    numba.njit(pipeline_class=KernelCompiler)(smaller)(1.5, 2.5)
+    overload(halved)(lambda a: lambda a: 0.5 * a)
+
+    def twice(a):  # type: ignore[no-untyped-def]
+        return halved(a) * a
+
+    assert numba.njit(pipeline_class=KernelCompiler)(twice)(3.0) == 4.5
 
     assert [key[1].typing_key.__name__ for key in known] == ["mul"]
 

@@ -55,8 +55,9 @@ class _LinkedLibrary(JITCodeLibrary):
 
     def finalize(self) -> None:
         """Nothing is linked in, optimised or made machine code of."""
-        for library in self._linking_libraries:
-            self._reload_init.update(library._reload_init)
+        if hasattr(self, "_reload_init"):  # not in numba 0.61
+            for library in self._linking_libraries:
+                self._reload_init.update(library._reload_init)
         self._finalized = True
 
     def _get_module_for_linking(self) -> Any:

@@ -147,11 +147,7 @@ class SideBySide:
     def _handed_over(self, piece: Piece) -> Future[None]:
         assert self._pool is not None
         with self._changed:
-            self._changed.wait_for(
-                lambda: (
-                    not self._pixels or sum(self._pixels.values()) + piece.pixels <= _MOST_PIXELS
-                )
-            )
+            self._changed.wait_for(lambda: self._has_room(piece.pixels))
             # Those before it are in front of it in the pool's queue: they never wait for it.
             before = self._last.get(piece.line)
             future = self._pool.submit(partial(_after, before, piece.work))

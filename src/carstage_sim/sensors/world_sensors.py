@@ -369,7 +369,11 @@ class InstantSensors:
     def frames(
         self, state: WorldState, requests: Sequence[SensorRequest]
     ) -> Iterator[tuple[int, SensorFrame]]:
-        """As :meth:`WorldSensors.frames`."""
+        """Sensor ids and frames of those that are due, each as soon as it is made.
+
+        Raises:
+            KeyError, SensorAttributeError: as :meth:`WorldSensors.capture`.
+        """
         view = self._view(state)
         for request, sensor in self._known.due(state, requests):
             for frame in sensor.report(state, request, view):

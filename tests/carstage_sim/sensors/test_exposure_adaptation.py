@@ -13,6 +13,7 @@ from carstage_sim.render.sky import SkyModel
 from carstage_sim.sensors import WorldSensors
 from carstage_sim.sensors.adaptation import Adaptation
 from carstage_sim.sensors.attributes import SensorAttributeError
+from carstage_sim.sensors.cameras import RgbCamera
 from carstage_sim.world.state import Weather
 from sensor_worlds import GROUND, WALL, request, state, town
 
@@ -138,6 +139,46 @@ def test_a_picture_that_is_made_late_knows_nothing_of_later_steps():
     adaptation.note(step(3, 0.0))
     assert adaptation.stops(step(2, 4.0), wanted) == 4.0
     assert adaptation.stops(step(4, 0.0), wanted) == 1.0
+
+
+class Seen:
+    """A view that notes the films of the pictures that are asked for."""
+
+    def __init__(self):
+        self.films = []
+
+    def automatic_exposure(self, weather):
+        return SkyModel().exposure(weather)
+
+    def announce(self, camera, product, film):
+        self.films.append(film)
+
+    def pixels(self, camera, film):
+        self.films.append(film)
+        return np.zeros((camera.height, camera.width, 4), np.uint8)
+
+    def with_shapes(self, camera, pixels):
+        return pixels
+
+
+def test_a_picture_that_was_announced_has_its_film_though_later_ones_were_announced_since():
+    asked = request(
+        "camera.rgb",
+        exposure_speed_up=4.0,
+        exposure_speed_down=2.0,
+        enable_postprocess_effects="false",
+    )
+    camera, view = RgbCamera(asked, town(GROUND, WALL)), Seen()
+    steps = [
+        state(tick, weather=weather) for tick, weather in enumerate((_NOON, _NIGHT, _NOON, _NOON))
+    ]
+    for step in steps:
+        camera.announce(step, asked, view)
+    announced = view.films[:]
+    assert len({film.adapted_stops for film in announced}) > 1
+    for step in steps:
+        camera.measure(step, asked, view)
+    assert view.films[4:] == announced
 
 
 @pytest.mark.parametrize("name", ["exposure_speed_up", "exposure_speed_down"])

@@ -18,6 +18,7 @@ READ, WRITE = 1, 2
 
 _BOUNDS_CHECKS = 1
 _ASKS_AGAIN_S = 1.0
+"""An answer may be on its way in the thread that asked last."""
 
 
 class _Answer:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import pickle
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -86,3 +89,43 @@ def test_a_picture_of_too_many_bands_is_refused(taken, monkeypatch):
     monkeypatch.setattr(passes, "_MOST_BANDS", 16)
     with pytest.raises(ValueError, match="128x80 pixels is too large"):
         taken(shot(0.0, slopes()), [Product.COLOURS])
+
+
+def test_frames_that_are_under_way_at_once_are_those_made_one_after_the_other(software_gpu):
+    place = sensor_worlds.town(sensor_worlds.GROUND, sensor_worlds.WALL)
+    requests = [
+        sensor_worlds.request("camera.rgb", 1),
+        sensor_worlds.request("camera.rgb", 2, rotation_deg=(0.0, 20.0, 0.0), sensor_tick=0.2),
+        sensor_worlds.request("camera.depth", 3),
+        sensor_worlds.request("camera.optical_flow", 4),
+        sensor_worlds.request("lidar.ray_cast", 5, points_per_second=20000, sensor_tick=0.2),
+    ]
+    ticks = [
+        # Exposure follows the sun from tick to tick.
+        sensor_worlds.state(
+            tick,
+            vehicles=[(7, (8.0 - tick, 1.0, 0.0), 40.0)],
+            weather=Weather(sun_altitude_angle=20.0 * tick - 30.0),
+        )
+        for tick in range(1, 5)
+    ]
+
+    def made(sensors, *, at_once):
+        frames, under_way = [], []
+
+        def deliver(tick, sensor_id, frame):
+            frames.append((tick, sensor_id, pickle.dumps(frame)))
+
+        for tick in ticks:  # the first of which lets the sensors forget
+            due = sensors.due(tick, requests)
+            under_way.append(sensors.begin(tick, due, partial(deliver, tick.frame)).done)
+            if not at_once:
+                under_way[-1].result()
+        for one in under_way:
+            one.result()
+        return sorted(frames)
+
+    with WorldSensors(place, threads=3, gpu=software_gpu) as sensors:
+        alone = made(sensors, at_once=False)
+        assert len(alone) == 4 + 2 + 4 + 4 + 2
+        assert made(sensors, at_once=True) == alone

@@ -17,8 +17,8 @@ READ, WRITE = 1, 2
 """Modes of mapping, as ``WGPUMapMode`` has them."""
 
 _BOUNDS_CHECKS = 1
-_ASKS_AGAIN_S = 1.0
-"""An answer may be on its way in the thread that asked last."""
+_ANSWERS_WITHIN_S = 10.0
+"""Another thread may have been given the answer, and be about to tell it; else the card is lost."""
 
 
 class _Answer:
@@ -103,12 +103,12 @@ class Native:
         """Wait for an answer, which comes in the thread that happens to ask for any."""
         poll, device = self._lib.wgpuDevicePoll, self._device._internal
         poll(device, False, self._ffi.NULL)
-        while not answer.came.is_set():
+        if not answer.came.is_set():
             # One at a time waits within the library: who submits gets in between.
             with self._waiting:
                 if not answer.came.is_set():
                     poll(device, True, submission)
-            answer.came.wait(_ASKS_AGAIN_S)
+            answer.came.wait(_ANSWERS_WITHIN_S)
 
     def unmap(self, buffer: Any) -> None:
         """Give a buffer's memory back to the card."""

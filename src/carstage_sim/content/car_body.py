@@ -45,6 +45,10 @@ _COLUMN, _SIDE_COLUMN, _ROW = 0.15, 0.08, 0.07
 """Widest quads of a panel: on a face, round its corner (shares of the half width), and tallest."""
 
 
+_ENDS = (-0.985, -0.96, -0.93, 0.90, 0.93, 0.96, 0.985)
+_COARSE_ENDS = (-0.985, -0.94, 0.92, 0.985)
+"""Sections near both ends, where a body is rounded."""
+
 _FLAT = ((0.94, 0.86), (0.90, 0.99), (0.62, 1.0), (0.34, 1.0), (0.0, 1.0))
 """Section over a faceted bonnet: share of the half width, share of the rise over the belt."""
 
@@ -73,13 +77,14 @@ class CarBody:
     Args:
         shape: the outline.
         frame: where and how large.
+        coarse: whether to do with fewer sections.
     """
 
     # Columns of a half section, from the middle of the floor over the side to the roof's middle.
     ARCH, LIP, SILL, BELT, GLASS, RAIL, ROOF, MIDDLE = 2, 3, 4, 8, 9, 10, 11, 13
 
-    def __init__(self, shape: BodyShape, frame: BodyFrame) -> None:
-        self.shape, self.frame = shape, frame
+    def __init__(self, shape: BodyShape, frame: BodyFrame, *, coarse: bool = False) -> None:
+        self.shape, self.frame, self._coarse = shape, frame, coarse
         self._top, self._belt = Curve(shape.top), Curve(shape.belt)
         self._width = Curve(shape.width)
         self._sections: dict[float, Array] = {}
@@ -95,14 +100,15 @@ class CarBody:
             middle = (axle - f.center_x) / f.half_length
             edges += [
                 middle + np.cos(a) * self._arch_radius / f.half_length
-                for a in np.linspace(0.0, np.pi, 11)
+                for a in np.linspace(0.0, np.pi, 7 if self._coarse else 11)
             ]
             # The floor meets the arch in a step.
             past = (self._arch_radius + 0.004) / f.half_length
             edges += [middle - past, middle + past]
-        edges += [-0.985, -0.96, -0.93, 0.90, 0.93, 0.96, 0.985]
+        edges += _COARSE_ENDS if self._coarse else _ENDS
         edges = [x for x in edges if -1.0 <= x <= 1.0]
-        even = [x for x in np.linspace(-1, 1, 23) if min(abs(x - e) for e in edges) > 0.03]
+        count, apart = (12, 0.06) if self._coarse else (23, 0.03)
+        even = [x for x in np.linspace(-1, 1, count) if min(abs(x - e) for e in edges) > apart]
         stations: Array = np.unique(np.round([*edges, *even], 4))
         return stations
 
@@ -262,7 +268,7 @@ class CarBody:
 
     def _add_face(self, builder: ShapeBuilder, half: Array, end: float) -> None:
         """Close an end: rows between the section's left and right side."""
-        share = np.linspace(-1.0, 1.0, 11)
+        share = np.linspace(-1.0, 1.0, 7 if self._coarse else 11)
         rows = uniform(Material.PAINT, len(half) - 2, len(share) - 1)
         rows[:2] = Material.PLASTIC_DARK
         if half[self.MIDDLE, 1] - half[self.BELT, 1] > _LEAST_CABIN * self.frame.height:

@@ -452,6 +452,8 @@ def add_number_plate(builder: ShapeBuilder, x: float, end: float, z: float, numb
 
     band = np.array([(-half, -tall), (-half + 0.04, -tall), (-half + 0.04, tall), (-half, tall)])
     builder.add(before(*band.T), quad, Material.SIGN_BLUE)
+    if builder.coarse:
+        return
     add_text(
         builder, number, 0.075, lambda along, up: before(along + 0.02, up), Material.PAINT_BLACK
     )

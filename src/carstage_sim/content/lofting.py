@@ -87,9 +87,11 @@ class ShapeBuilder:
 
     Args:
         tag: semantic label of what is added unless told otherwise.
+        coarse: whether shapes that know two levels of detail are to be of the lower one.
     """
 
-    def __init__(self, tag: int) -> None:
+    def __init__(self, tag: int, *, coarse: bool = False) -> None:
+        self.coarse = coarse
         self._tag = tag
         self._vertices: list[Array] = []
         self._triangles: list[NDArray[np.int32]] = []

@@ -56,6 +56,7 @@ def vehicle_mesh(
     axles_m: tuple[float, float] | None = None,
     wheel_radius_m: float | None = None,
     occupied: bool = True,
+    coarse: bool = False,
 ) -> TriangleMesh:
     """A vehicle in its actor's frame: x forward, y right, origin on the ground.
 
@@ -66,12 +67,13 @@ def vehicle_mesh(
         axles_m: x of the front and rear axle; default by the length.
         wheel_radius_m: default by the kind of vehicle.
         occupied: whether a car has a driver; riders are part of their machine.
+        coarse: whether cars are of a third fewer triangles, as those that are part of a town.
 
     Returns:
         A mesh whose wheels stand on the ground; else every vertex lies in the box.
     """
     build = build_of(type_id)
-    builder = ShapeBuilder(_TAGS.get(build, CityObjectLabel.CAR))
+    builder = ShapeBuilder(_TAGS.get(build, CityObjectLabel.CAR), coarse=coarse)
     hx, hy, hz = extent
     cx, cy, cz = box_center
     high = (cx + hx, cy + hy, cz + hz)
@@ -120,7 +122,7 @@ def _add_car(builder: ShapeBuilder, build: Build, frame: VehicleFrame) -> None:
     height = frame.high[2] - (LIGHT_BAR_M if marks is not None else 0.0)
     rear = frame.low[0] + (SPARE_M if shape.spare else LEDGE_M if shape.bumper else 0.0)
     body = frame.body(share, rear, frame.high[0], height)
-    car = CarBody(shape, body)
+    car = CarBody(shape, body, coarse=builder.coarse)
     car.add_to(builder)
     add_trim(builder, car)
     add_front(builder, car, frame.plate)

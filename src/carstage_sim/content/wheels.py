@@ -8,6 +8,7 @@ from carstage_sim.content.lofting import ShapeBuilder, uniform
 from carstage_sim.mesh import Material
 
 _STEEL_SEGMENTS = 20
+_COARSE_SEGMENTS = 12
 
 
 def add_wheel(
@@ -33,6 +34,9 @@ def add_wheel(
     rim = radius * 0.70
     if not spokes:
         _add_steel_wheel(builder, center, radius, half)
+        return
+    if builder.coarse:
+        _add_coarse_wheel(builder, center, radius, half, spokes)
         return
     segments = spokes * 4
     profile = [
@@ -61,6 +65,47 @@ def add_wheel(
         _add_spoke(builder, center, 2 * np.pi * (k + 0.5) / spokes, rim, half)
 
 
+def _add_coarse_wheel(
+    builder: ShapeBuilder,
+    center: tuple[float, float, float],
+    radius: float,
+    half: float,
+    spokes: int,
+) -> None:
+    """The same wheel from a few metres: no hub of its own, spokes without cheeks."""
+    rim = radius * 0.70
+    profile = [
+        (0.001, half * 0.80),
+        (rim * 0.22, half * 0.76),
+        (rim * 0.24, half * 0.10),
+        (rim * 0.62, half * 0.10),
+        (rim * 0.93, half * 0.10),
+        (rim * 0.95, half * 0.86),
+        (rim, half * 0.94),
+        (radius * 0.92, half),
+        (radius, half * 0.72),
+        (radius, -half * 0.9),
+        (0.001, -half * 0.8),
+    ]
+    materials = uniform(Material.RUBBER, len(profile) - 1, _COARSE_SEGMENTS)
+    materials[:2] = Material.RIM
+    materials[2] = Material.METAL
+    materials[3:5] = Material.PLASTIC_DARK
+    materials[5] = Material.RIM
+    materials[9] = Material.PLASTIC_DARK
+    builder.lathe(center, profile, materials, segments=_COARSE_SEGMENTS)
+    turn = 2 * np.pi * (np.arange(spokes) + 0.5) / spokes
+    along = np.stack([np.cos(turn), 0 * turn, np.sin(turn)], axis=1)
+    aside = np.stack([-np.sin(turn), 0 * turn, np.cos(turn)], axis=1)
+    for k in range(spokes):
+        ends = [
+            [along[k] * away * rim + sign * wide * rim * aside[k] for sign in (1.0, -1.0)]
+            for away, wide in ((0.16, 0.10), (0.97, 0.15))
+        ]
+        out = np.array([0.0, half * 0.80, 0.0])
+        builder.grid(np.array(ends) + out + np.asarray(center), Material.RIM)
+
+
 def _add_steel_wheel(
     builder: ShapeBuilder, center: tuple[float, float, float], radius: float, half: float
 ) -> None:
@@ -81,14 +126,15 @@ def _add_steel_wheel(
         (radius * 0.86, -half),
         (0.001, -half * 0.6),
     ]
-    materials = uniform(Material.RUBBER, len(profile) - 1, _STEEL_SEGMENTS)
+    segments = _COARSE_SEGMENTS if builder.coarse else _STEEL_SEGMENTS
+    materials = uniform(Material.RUBBER, len(profile) - 1, segments)
     materials[0] = Material.METAL
     materials[1:3] = Material.PLASTIC_DARK
     materials[3] = Material.RIM
     materials[4] = Material.PLASTIC_DARK
     materials[5:7] = Material.RIM
     materials[11] = Material.PLASTIC_DARK
-    builder.lathe(center, profile, materials, segments=_STEEL_SEGMENTS)
+    builder.lathe(center, profile, materials, segments=segments)
 
 
 def _add_spoke(

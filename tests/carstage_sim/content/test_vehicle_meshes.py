@@ -47,6 +47,12 @@ def mesh_of(blueprint):
     )
 
 
+def face_vectors(mesh):
+    """``(T, 3)`` normals of the triangles, each as long as its area (m2)."""
+    corners = mesh.vertices[mesh.triangles].astype(np.float64)
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2.0
+
+
 @pytest.mark.parametrize("blueprint", VEHICLES, ids=lambda b: b.id)
 def test_vehicle_keeps_its_box_budget_and_tags(blueprint):
     mesh = mesh_of(blueprint)
@@ -109,11 +115,9 @@ def test_lamps_are_seen_from_their_end(blueprint):
     mesh = mesh_of(blueprint)
     corners = mesh.vertices[mesh.triangles].astype(np.float64)
     middle = corners.mean(axis=1)
-    area = np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-    )
+    area = np.linalg.norm(face_vectors(mesh), axis=1)
     for material, end in ((Material.HEAD_LAMP, 1.0), (Material.TAIL_LAMP, -1.0)):
-        lit = np.flatnonzero((mesh.material == material) & (area > 1e-5))
+        lit = np.flatnonzero((mesh.material == material) & (area > 5e-6))
         free = [first_triangle(corners, middle[k] + [end * 9.0, 0, 0], -end) for k in lit[::9]]
         assert {mesh.material[k] for k in free} <= SHINES
 
@@ -231,9 +235,7 @@ def test_an_suv_is_wide_and_stands_on_bare_plastic(name):
 
 def area_on_sides(mesh, material):
     """Square metres of a material that are turned to the left or right."""
-    corners = mesh.vertices[mesh.triangles[mesh.material == material]].astype(np.float64)
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2.0
-    return np.abs(normal[:, 1]).sum()
+    return np.abs(face_vectors(mesh)[mesh.material == material, 1]).sum()
 
 
 @pytest.mark.parametrize(
@@ -297,6 +299,25 @@ def test_only_cars_that_somebody_drives_have_a_driver():
     assert (driven.material == Material.SKIN).any()
     assert not (parked.material == Material.SKIN).any()
     assert (parked.material == Material.SEAT).any()
+
+
+@pytest.mark.parametrize("name", ["audi.tt", "nissan.patrol", "mercedes.sprinter"])
+def test_a_coarse_body_is_the_same_car_of_fewer_triangles(name):
+    blueprint = catalogue()[f"vehicle.{name}"]
+    box = (blueprint.box_extent, blueprint.box_center)
+    fine = vehicle_mesh(blueprint.id, *box, occupied=False)
+    coarse = vehicle_mesh(blueprint.id, *box, occupied=False, coarse=True)
+    assert len(coarse.triangles) < 0.75 * len(fine.triangles)
+    for one, other in zip(fine.bounds, coarse.bounds, strict=True):
+        assert one == pytest.approx(other, abs=_CENTIMETRE)
+    # No part is left out, and what one sees most of is as large.
+    assert set(fine.material.tolist()) == set(coarse.material.tolist())
+    for material in (Material.RIM, Material.RUBBER, Material.GLASS, Material.PAINT):
+        whole, part = (
+            np.linalg.norm(face_vectors(mesh)[mesh.material == material], axis=1).sum()
+            for mesh in (fine, coarse)
+        )
+        assert part == pytest.approx(whole, rel=0.35), material.name
 
 
 @pytest.mark.parametrize(

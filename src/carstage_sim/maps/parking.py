@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 import shapely
@@ -15,8 +16,6 @@ from carstage_sim.maps.strips import Strip
 from carstage_sim.maps.surfaces import Surfaces
 from carstage_sim.mesh import Material, TriangleMesh
 
-FROM_LANES_M = 0.3
-_FROM_KERB_M = 0.2
 _FROM_JUNCTION_M = 12.0
 _FROM_CROSSWALK_M = 5.0
 _GAP_M = (1.0, 2.2)
@@ -24,6 +23,8 @@ _OCCUPIED = 0.55
 _STEEPEST = 0.03
 """On steeper streets level bodies would hang in the air."""
 _WIDE_SHOULDER_M = 2.4
+_BESIDE_WALK_M = 0.3
+"""A lane is beside a sidewalk that is this near."""
 _MOST_PARKED = 100
 _PAINTS = (
     Material.PAINT_WHITE,
@@ -33,6 +34,19 @@ _PAINTS = (
     Material.PAINT_BLUE,
     Material.PAINT_RED,
 )
+
+
+@dataclass(frozen=True, slots=True)
+class _Room:
+    """What is left free beside a vehicle whose mirrors count: to the kerb and to a driving lane."""
+
+    from_kerb_m: float
+    from_lanes_m: float
+
+
+_AT_SHOULDER = _Room(from_kerb_m=0.2, from_lanes_m=0.3)
+_IN_BAY = _Room(from_kerb_m=0.08, from_lanes_m=0.02)
+"""A bay of 2.0 to 2.2 m, as streets have, holds a car of 1.8 m and its mirrors, and no more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,27 +81,29 @@ class ParkedVehicle:
     @property
     def mesh(self) -> TriangleMesh:
         """The vehicle in its own frame, painted."""
-        x, y, z = self.kind.extent
-        mesh = vehicle_mesh(self.kind.type_id, (x, y, z), (0.0, 0.0, z), occupied=False)
-        mesh.material[mesh.material == Material.PAINT] = self.paint
-        return mesh
+        mesh = _unpainted(self.kind)
+        painted = np.where(mesh.material == Material.PAINT, np.uint8(self.paint), mesh.material)
+        return replace(mesh, material=painted)
+
+
+@cache
+def _unpainted(kind: ParkedKind) -> TriangleMesh:
+    """The model's mesh, which takes long to make; not to be written to."""
+    x, y, z = kind.extent
+    return vehicle_mesh(kind.type_id, (x, y, z), (0.0, 0.0, z), occupied=False, coarse=True)
 
 
 def parked_vehicles(
     lanes: list[Strip], ground: Surfaces, rng: np.random.Generator
 ) -> list[ParkedVehicle]:
     """Vehicles at the kerbs of the ground level, clear of every driving lane."""
-    driving = [lane.polygon for lane in lanes if lane.kind not in _PARKED_ON]
-    blocked = shapely.union_all(
-        [
-            shapely.union_all(driving).buffer(FROM_LANES_M),
-            ground.sidewalk,
-            *(walk.buffer(_FROM_CROSSWALK_M) for walk in ground.crosswalks),
-        ]
-    )
+    driving = shapely.union_all([lane.polygon for lane in lanes if lane.kind not in _PARKED_ON])
+    walks = [walk.buffer(_FROM_CROSSWALK_M) for walk in ground.crosswalks]
+    blocked = shapely.union_all([ground.sidewalk, *walks])
+    shapely.prepare(driving)
     shapely.prepare(blocked)
     shapely.prepare(ground.road)
-    beside_walks = ground.sidewalk.buffer(FROM_LANES_M)
+    beside_walks = ground.sidewalk.buffer(_BESIDE_WALK_M)
     shapely.prepare(beside_walks)
     shares = np.array([kind.share for kind in _KINDS])
     shares /= shares.sum()
@@ -95,10 +111,13 @@ def parked_vehicles(
     for lane in lanes:
         if not _is_for_parking(lane, beside_walks):
             continue
-        for kind, place in _row(lane, shares, rng):
+        room = _IN_BAY if lane.kind == "parking" else _AT_SHOULDER
+        for kind, place in _row(lane, room, shares, rng):
             x, y, yaw = place
             box = shapely.box(-kind.extent[0], -kind.extent[1], kind.extent[0], kind.extent[1])
             area = affinity.translate(affinity.rotate(box, yaw, origin=(0, 0)), x, y)
+            if shapely.dwithin(driving, area, room.from_lanes_m):
+                continue
             if blocked.intersects(area) or not ground.road.contains(area):
                 continue
             paint = _PAINTS[int(rng.integers(len(_PAINTS)))]
@@ -123,7 +142,7 @@ def _is_for_parking(lane: Strip, beside_walks: shapely.Geometry) -> bool:
 
 
 def _row(
-    lane: Strip, shares: np.ndarray, rng: np.random.Generator
+    lane: Strip, room: _Room, shares: np.ndarray, rng: np.random.Generator
 ) -> Iterator[tuple[ParkedKind, tuple[float, float, float]]]:
     """Vehicles one behind the other along the lane's outer edge, with gaps."""
     along_m, outer = lane.along_m, lane.offset(1.0)
@@ -141,6 +160,6 @@ def _row(
         heading = float(np.interp(middle, along_m, yaw))
         inwards = np.radians(heading) - np.pi / 2
         x, y = (float(np.interp(middle, along_m, outer[:, k])) for k in range(2))
-        x += (half_width + _FROM_KERB_M) * float(np.cos(inwards))
-        y += (half_width + _FROM_KERB_M) * float(np.sin(inwards))
+        x += (half_width + room.from_kerb_m) * float(np.cos(inwards))
+        y += (half_width + room.from_kerb_m) * float(np.sin(inwards))
         yield kind, (round(x, 3), round(y, 3), round((heading + 180.0) % 360.0 - 180.0, 3))

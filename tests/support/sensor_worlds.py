@@ -54,11 +54,18 @@ def state(
     angular_velocity_deg: tuple[float, float, float] = (0.0, 0.0, 0.0),
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0),
     weather: Weather | None = None,
+    sensors: list[Placed] | None = None,
+    steer_deg: float = 0.0,
+    rolled_m: float = 0.0,
 ) -> WorldState:
-    """A frame with vehicles and walkers of equal velocities."""
+    """A frame with vehicles and walkers of equal velocities, wheels and ways.
+
+    Near sensors of the frame wheels are instances of their own.
+    """
     cars = [(*row, ActorKind.VEHICLE, "vehicle.tesla.model3") for row in vehicles or []]
     people = [(*row, ActorKind.WALKER, "walker.pedestrian.0001") for row in walkers or []]
-    rows = sorted(cars + people)
+    looking = [(*row, ActorKind.SENSOR, "sensor.camera.rgb") for row in sensors or []]
+    rows = sorted(cars + people + looking)
     count = len(rows)
     zeros = np.zeros((count, 3))
     return WorldState(
@@ -77,7 +84,8 @@ def state(
         light_state=np.zeros(count, np.uint32),
         control=np.zeros((count, 3), np.float32),
         colour=np.full((count, 3), 120, np.uint8),
-        wheel_angle_deg=np.zeros(count, np.float32),
+        wheel_angle_deg=np.full(count, steer_deg, np.float32),
+        rolled_m=np.full(count, rolled_m),
     )
 
 

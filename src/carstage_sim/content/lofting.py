@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -88,11 +89,15 @@ class ShapeBuilder:
     Args:
         tag: semantic label of what is added unless told otherwise.
         coarse: whether shapes that know two levels of detail are to be of the lower one.
+
+    Attributes:
+        wheels: numbers of the first triangle of each wheel and of the first behind it.
     """
 
     def __init__(self, tag: int, *, coarse: bool = False) -> None:
         self.coarse = coarse
         self._tag = tag
+        self.wheels: list[tuple[int, int]] = []
         self._vertices: list[Array] = []
         self._triangles: list[NDArray[np.int32]] = []
         self._normals: list[Array] = []
@@ -241,6 +246,13 @@ class ShapeBuilder:
             [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
         )
         self.add(corner, quads_to_triangles(quads), material, tag=tag, crease_deg=10)
+
+    @contextmanager
+    def wheel(self) -> Iterator[None]:
+        """What is added in the block is one wheel."""
+        first = sum(map(len, self._triangles))
+        yield
+        self.wheels.append((first, sum(map(len, self._triangles))))
 
     def mesh(self) -> TriangleMesh:
         """All that was added."""

@@ -177,7 +177,8 @@ def _add_frame(
 ) -> tuple[Array, Array, Array]:
     """Wheels, tubes, drive and saddle of a bicycle; saddle, head of the fork, pedals' axle."""
     for x in (front, rear):
-        _spoked_wheel(builder, x, radius, 0.042)
+        with builder.wheel():
+            _spoked_wheel(builder, x, radius, 0.042)
     base = front - rear
     paint, metal, dark = Material.PAINT, Material.METAL, Material.PLASTIC_DARK
     crank = _at(rear + 0.43 * base, 0.0, radius * 0.85)
@@ -365,7 +366,8 @@ def _add_motorcycle(
     """A sports machine with a fairing; returns the seat, the right grip and the pegs."""
     dark, paint = Material.PLASTIC_DARK, Material.PAINT
     for x, wide in ((front, 0.12), (rear, 0.17)):
-        _cast_wheel(builder, x, radius, wide, dark)
+        with builder.wheel():
+            _cast_wheel(builder, x, radius, wide, dark)
     base = front - rear
     middle = rear + 0.5 * base
     seat_z = radius * 2 + 0.12
@@ -409,8 +411,10 @@ def _add_cruiser(
     """A long machine with two cylinders and much chrome."""
     dark, paint = Material.PLASTIC_DARK, Material.PAINT
     radius -= 0.012
-    _spoked_wheel(builder, front, radius, 0.13)
-    _cast_wheel(builder, rear, radius, 0.17, Material.RIM)
+    with builder.wheel():
+        _spoked_wheel(builder, front, radius, 0.13)
+    with builder.wheel():
+        _cast_wheel(builder, rear, radius, 0.17, Material.RIM)
     base = front - rear
     middle = rear + 0.48 * base
     seat_z = radius * 2 + 0.04
@@ -456,7 +460,8 @@ def _add_scooter(
 ) -> tuple[Array, Array, Array]:
     """Leg shield, floor and rear shell; returns the seat, the right grip and the floor."""
     for x in (front, rear):
-        _cast_wheel(builder, x, radius, 0.10, Material.RIM)
+        with builder.wheel():
+            _cast_wheel(builder, x, radius, 0.10, Material.RIM)
     base = front - rear
     paint, dark = Material.PAINT, Material.PLASTIC_DARK
     seat_z = 0.74

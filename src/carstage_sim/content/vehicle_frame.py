@@ -62,6 +62,6 @@ def add_wheels(builder: ShapeBuilder, frame: VehicleFrame, body: BodyFrame, spok
         for sign in (-1.0, 1.0):
             y = sign * (body.half_width * 0.975 - body.tyre_width / 2)
             center = (axle, y, frame.wheel_radius)
-            add_wheel(
-                builder, center, frame.wheel_radius, body.tyre_width, outward=sign, spokes=spokes
-            )
+            radius, width = frame.wheel_radius, body.tyre_width
+            with builder.wheel():
+                add_wheel(builder, center, radius, width, outward=sign, spokes=spokes)

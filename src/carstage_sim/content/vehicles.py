@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from carstage_sim.content.cabins import Cabin, add_cabin
 from carstage_sim.content.car_body import CarBody
@@ -48,6 +49,48 @@ _STEEL_WHEELS = (Build.BUS, Build.VAN, Build.CAMPER)
 _HEAVY = (Build.LORRY, Build.FIRE_ENGINE, Build.DELIVERY, Build.BUS)
 
 
+@dataclass(frozen=True, slots=True)
+class Vehicle:
+    """A vehicle in its actor's frame.
+
+    Attributes:
+        whole: all of it.
+        wheels: numbers of the first triangle of each wheel and of the first behind it.
+    """
+
+    whole: TriangleMesh
+    wheels: tuple[tuple[int, int], ...]
+
+    @property
+    def body(self) -> TriangleMesh:
+        """All but the wheels, whose vertices stay: its bounds are those of the whole vehicle."""
+        kept = np.ones(len(self.whole.triangles), np.bool_)
+        for first, end in self.wheels:
+            kept[first:end] = False
+        return self._part(kept)
+
+    def wheel(self, number: int) -> TriangleMesh:
+        """One wheel, where it is on the vehicle."""
+        part = self._part(slice(*self.wheels[number]))
+        kept, index = np.unique(part.triangles, return_inverse=True)
+        return replace(
+            part,
+            vertices=part.vertices[kept],
+            triangles=index.reshape(-1, 3).astype(np.int32),
+        )
+
+    def _part(self, chosen: NDArray[np.bool_] | slice) -> TriangleMesh:
+        mesh = self.whole
+        return TriangleMesh(
+            vertices=mesh.vertices,
+            triangles=mesh.triangles[chosen],
+            normals=mesh.normals[chosen],
+            material=mesh.material[chosen],
+            tag=mesh.tag[chosen],
+            object_id=mesh.object_id[chosen],
+        )
+
+
 def vehicle_mesh(
     type_id: str,
     extent: Vector,
@@ -58,6 +101,28 @@ def vehicle_mesh(
     occupied: bool = True,
     coarse: bool = False,
 ) -> TriangleMesh:
+    """All of a vehicle: see :func:`vehicle_of`."""
+    return vehicle_of(
+        type_id,
+        extent,
+        box_center,
+        axles_m=axles_m,
+        wheel_radius_m=wheel_radius_m,
+        occupied=occupied,
+        coarse=coarse,
+    ).whole
+
+
+def vehicle_of(
+    type_id: str,
+    extent: Vector,
+    box_center: Vector,
+    *,
+    axles_m: tuple[float, float] | None = None,
+    wheel_radius_m: float | None = None,
+    occupied: bool = True,
+    coarse: bool = False,
+) -> Vehicle:
     """A vehicle in its actor's frame: x forward, y right, origin on the ground.
 
     Args:
@@ -94,7 +159,8 @@ def vehicle_mesh(
         _BODIES.get(build, _add_car)(builder, build, frame)
     mesh = builder.mesh()
     vertices = np.clip(mesh.vertices, np.array(low), np.array(high))
-    return build_mesh(vertices, mesh.triangles, mesh.material, mesh.tag, normals=mesh.normals)
+    whole = build_mesh(vertices, mesh.triangles, mesh.material, mesh.tag, normals=mesh.normals)
+    return Vehicle(whole, tuple(builder.wheels))
 
 
 def _add_offroad(builder: ShapeBuilder, build: Build, frame: VehicleFrame) -> None:
@@ -112,7 +178,9 @@ def _add_car(builder: ShapeBuilder, build: Build, frame: VehicleFrame) -> None:
     """Cars, vans and buses: one body with its wheels."""
     shape = shape_of(frame.type_id)
     if build is Build.BUBBLE:
-        frame = replace(frame, wheel_radius=min(frame.wheel_radius, 0.27))
+        radius = min(frame.wheel_radius, 0.27)
+        axles = frame.axles[0], max(frame.axles[1], frame.low[0] + radius)
+        frame = replace(frame, wheel_radius=radius, axles=axles)
     share = 0.885 if shape.mirrors else 0.98
     length, width, _ = np.subtract(frame.high, frame.low).tolist()
     if (size := makers_size(frame.type_id, length, width)) is not None:

@@ -113,6 +113,8 @@ class Frame:
         colour: ``(I, PAINTS, 3)`` float32 linear colours per instance row.
         light_state: ``(I,)`` uint32 per instance row.
         bounds: ``(I, 2, 3)`` float32 box of each row's mesh in the actor's frame.
+        location: ``(I, 3)`` float64 world metres of each row.
+        rotation: ``(I, 3, 3)`` float64 world_from_actor of each row.
         shapes: of each instance row.
         lamps: lamps that light their surroundings.
     """
@@ -125,8 +127,16 @@ class Frame:
     colour: NDArray[np.float32]
     light_state: NDArray[np.uint32]
     bounds: NDArray[np.float32]
+    location: NDArray[np.float64]
+    rotation: NDArray[np.float64]
     shapes: Sequence[Shape]
     lamps: Lamps
+
+    @property
+    def body(self) -> NDArray[np.intp]:
+        """``(I,)`` the first row of each row's actor; others are parts that move by themselves."""
+        _, first, number = np.unique(self.actor_id, return_index=True, return_inverse=True)
+        return np.asarray(first[number])
 
     def row_around(self, actor_id: int, point: NDArray[np.float64]) -> int:
         """Row of ``actor_id`` if the world ``point`` lies in its mesh's box, else -1.
@@ -452,8 +462,9 @@ class SceneStore:
         self.prepare(list(wanted))
         self._join()
         index = [self._index[p.model] for p in placements]
-        rotation = _stacked([p.rotation for p in placements], (3, 3))
-        position = _stacked([p.location for p in placements], (3,))
+        exact_rotation = np.array([p.rotation for p in placements], np.float64).reshape(-1, 3, 3)
+        exact_location = np.array([p.location for p in placements], np.float64).reshape(-1, 3)
+        rotation, position = exact_rotation.astype(np.float32), exact_location.astype(np.float32)
         bounds = _stacked([self._models[i].bounds for i in index], (2, 3))
         top = top_tree(rotation, position, bounds)
         light_state = np.array([p.light_state & 0xFFFFFFFF for p in placements], np.uint32)
@@ -476,6 +487,8 @@ class SceneStore:
             colour=self._linear([p.colours for p in placements]),
             light_state=light_state,
             bounds=bounds,
+            location=exact_location,
+            rotation=exact_rotation,
             shapes=[self._shapes[i] for i in index],
             lamps=self._lamps._replace(beams=beams),
         )

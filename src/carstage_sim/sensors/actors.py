@@ -17,7 +17,7 @@ from carstage_sim.content.people import colours_of, dress_of, has_umbrella, stoo
 from carstage_sim.content.posing import Pose as Joints
 from carstage_sim.content.props import prop_mesh
 from carstage_sim.content.street_furniture import traffic_light_mesh
-from carstage_sim.content.vehicles import vehicle_mesh
+from carstage_sim.content.vehicles import Vehicle, vehicle_of
 from carstage_sim.content.walking import PHASES, WALK_PHASES
 from carstage_sim.content.wheelchairs import wheelchair_mesh, wheelchair_meshes
 from carstage_sim.geometry import rotation_matrix
@@ -26,6 +26,7 @@ from carstage_sim.maps.town import Town
 from carstage_sim.mesh import Material, TriangleMesh, merge_meshes
 from carstage_sim.render.rolling import Drift
 from carstage_sim.render.scene import PASSING, QUICK, Frame, Placement
+from carstage_sim.sensors.loose_wheels import BODY, WHEEL, LooseWheels
 from carstage_sim.sensors.mesh_store import MeshStore
 from carstage_sim.world.blueprints import Blueprint, catalogue
 from carstage_sim.world.blueprints.props import has_shape
@@ -86,10 +87,12 @@ class ActorModels:
         self._figures: dict[str, str] = {}
         self._posed: dict[str, Joints] = {}
         self._raining = False
+        self._made: tuple[str, Vehicle] | None = None
         self._walking: dict[str, TriangleMesh] = {}
         self._stand_ins: dict[tuple[Dress, float, tuple[float, float, float]], str] = {}
         stored = MeshStore(self._built_in, self._identity, cache)
         self.mesh: Callable[[str], TriangleMesh] = meshes if meshes is not None else stored
+        self._wheels = LooseWheels(self._catalogue, self.mesh)
 
     def keys_of(self, type_id: str) -> tuple[str, ...]:
         """Model keys that an actor of a blueprint begins with; none if it has no shape.
@@ -103,8 +106,9 @@ class ActorModels:
             return ()
         if blueprint.kind == ActorKind.WALKER:
             return self.beside(f"{self._carried(name, sits=bool(mark))}{QUICK}0")
-        shown = blueprint.kind == ActorKind.VEHICLE or has_shape(type_id)
-        return (type_id,) if shown else ()
+        if blueprint.kind == ActorKind.VEHICLE:
+            return (type_id, f"{type_id}{BODY}", *self._wheels.keys(type_id))
+        return (type_id,) if has_shape(type_id) else ()
 
     def beside(self, key: str) -> tuple[str, ...]:
         """Model keys that are soon needed where one is: those of a walk or of a run."""
@@ -118,6 +122,7 @@ class ActorModels:
     def placements(self, state: WorldState) -> list[Placement]:
         """The actors of a frame that have a shape, in the state's order."""
         rotations = rotation_matrix(state.rotation_deg).reshape(-1, 3, 3)
+        wheels = self._wheels.placements(state, rotations)
         self._raining = state.weather.precipitation > _RAIN_PERCENT
         found: list[Placement] = []
         lights = 0
@@ -133,6 +138,7 @@ class ActorModels:
             if kind == vehicle:
                 doors = 0 if state.doors is None else int(state.doors[row])
                 key = f"{state.type_id[row]}#{doors}" if doors else state.type_id[row]
+                key = f"{key}{BODY}" if row in wheels else key
             elif kind == walker:
                 key = self._walker_key(state, row)
             elif kind == light:
@@ -158,6 +164,7 @@ class ActorModels:
                     light_state=light_states[row],
                 )
             )
+            found += wheels.get(row, ())
         return found
 
     def _walker_key(self, state: WorldState, row: int) -> str:
@@ -214,7 +221,7 @@ class ActorModels:
             return None
         if name == "traffic_light":
             return f"{name} {self._town.traffic_lights[int(number)].head}"
-        blueprint = self._catalogue[name]
+        blueprint = self._catalogue[name.partition("+")[0]]
         chassis = _chassis(blueprint)
         box, tags = (blueprint.box_extent, blueprint.box_center), blueprint.semantic_tags
         return f"{key} {box} {chassis} {tags}"
@@ -233,10 +240,21 @@ class ActorModels:
         name, _, number = key.partition("#")
         if name == "traffic_light":
             return traffic_light_mesh(self._town.traffic_lights[int(number)].head)
-        blueprint = self._catalogue[name]
         if has_shape(name):
-            return prop_mesh(name, blueprint.box_extent)
-        return _vehicle_mesh(name, blueprint, int(number or 0))
+            return prop_mesh(name, self._catalogue[name].box_extent)
+        return self._vehicle_mesh(name, int(number or 0))
+
+    def _vehicle_mesh(self, name: str, doors: int) -> TriangleMesh:
+        """A vehicle or a part of it; all parts of the last one are kept, as they are asked for."""
+        type_id, _, part = name.partition("+")
+        blueprint = self._catalogue[type_id]
+        if self._made is None or self._made[0] != type_id:
+            self._made = type_id, _vehicle(blueprint)
+        vehicle = self._made[1]
+        if not part:
+            return _with_doors(vehicle.whole, blueprint, doors)
+        number = name.partition(WHEEL)[2]
+        return vehicle.wheel(int(number)) if number else vehicle.body
 
     def _walking_mesh(self, key: str) -> TriangleMesh:
         """The mesh of a phase; those beside it are made with it, as they are asked for next."""
@@ -257,7 +275,10 @@ class ActorModels:
 def drift_of(state: WorldState, frame: Frame) -> Drift:
     """How the instances of a frame move, as its actors do."""
     rows = np.searchsorted(state.actor_id, frame.actor_id)
-    return Drift(state.velocity[rows], np.radians(state.angular_velocity_deg[rows]))
+    rate = np.radians(state.angular_velocity_deg[rows])
+    # Wheels are not where their vehicles turn about.
+    velocity = state.velocity[rows] + np.cross(rate, frame.location - state.location[rows])
+    return Drift(velocity, rate)
 
 
 def _with_picture(mesh: TriangleMesh, row: str) -> TriangleMesh:
@@ -278,18 +299,19 @@ def _chassis(blueprint: Blueprint) -> tuple[tuple[float, float], float] | None:
     return axles, parameters.wheels[0].radius_m
 
 
-def _vehicle_mesh(name: str, blueprint: Blueprint, doors: int) -> TriangleMesh:
-    chassis = _chassis(blueprint)
-    if chassis is None:
-        return vehicle_mesh(name, blueprint.box_extent, blueprint.box_center)
-    axles_m, wheel_radius_m = chassis
-    body = vehicle_mesh(
-        name,
+def _vehicle(blueprint: Blueprint) -> Vehicle:
+    axles_m, wheel_radius_m = _chassis(blueprint) or (None, None)
+    return vehicle_of(
+        blueprint.id,
         blueprint.box_extent,
         blueprint.box_center,
         axles_m=axles_m,
         wheel_radius_m=wheel_radius_m,
     )
+
+
+def _with_doors(body: TriangleMesh, blueprint: Blueprint, doors: int) -> TriangleMesh:
+    """A vehicle with its open doors."""
     tag = CityObjectLabel(blueprint.semantic_tags[0])
     leaves = open_doors_mesh(blueprint.box_extent, blueprint.box_center, doors, tag)
     return body if leaves is None else merge_meshes([body, leaves])

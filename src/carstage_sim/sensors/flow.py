@@ -15,7 +15,7 @@ from carstage_sim.maps.town import Town
 from carstage_sim.render.gpu.passes import Product
 from carstage_sim.sensors.cameras import CameraSensor
 from carstage_sim.sensors.measurements import FlowFrame, SensorRequest
-from carstage_sim.sensors.motions import Seen, flow_of, motions_between, seen_actors
+from carstage_sim.sensors.motions import Seen, SeenActors, flow_of, motions_between, seen_actors
 from carstage_sim.sensors.sensor import SensorRegistry
 from carstage_sim.sensors.view import View
 from carstage_sim.world.state import WorldState
@@ -25,8 +25,8 @@ from carstage_sim.world.state import WorldState
 class OpticalFlowCamera(CameraSensor):
     """Motion since this camera's last picture; 0 in its first.
 
-    Vehicles and props move as a whole, without wheels of their own; of walkers, each point of the
-    surface moves as it does. An actor that was not there before has not moved. The sky is
+    Vehicles and props move as a whole, wheels near a sensor by themselves; of walkers, each point
+    of the surface moves as it does. An actor that was not there before has not moved. The sky is
     infinitely far away.
     """
 
@@ -35,7 +35,7 @@ class OpticalFlowCamera(CameraSensor):
     def __init__(self, request: SensorRequest, town: Town) -> None:
         super().__init__(request, town)
         self._camera: Seen | None = None
-        self._actors: dict[int, Seen] = {}
+        self._actors: SeenActors = {}
 
     def measure(self, state: WorldState, request: SensorRequest, view: View) -> FlowFrame:
         """The motion of each pixel's surface point."""

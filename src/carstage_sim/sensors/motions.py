@@ -25,7 +25,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seen:
-    """Where an actor was.
+    """Where an actor was, or a part of one that moves by itself.
 
     Attributes:
         rotation: ``(3, 3)`` world_from_actor.
@@ -43,6 +43,12 @@ class Seen:
             self.location, before.location
         )
 
+    def carried(self, now: Seen, before: Seen) -> Seen:
+        """Where it was if it moved as ``now`` did, which was ``before``."""
+        moved = before.rotation @ now.rotation.T
+        place = moved @ (self.location - now.location) + before.location
+        return Seen(moved @ self.rotation, place, None)
+
     def bent_from(self, before: Seen) -> NDArray[np.float32] | None:
         """``(T, 3, 3)`` what to add to a figure's corners for its pose of before; None: nothing."""
         now, then = self.figure, before.figure
@@ -50,6 +56,10 @@ class Seen:
             return None
         change: NDArray[np.float32] = then - now
         return change
+
+
+SeenActors = dict[tuple[int, int], Seen]
+"""What was seen, by the actor's id and the number of its part: 0 is its body."""
 
 
 def flow_of(camera: Camera, motions: Motions, view: View) -> NDArray[np.float32]:
@@ -98,8 +108,8 @@ def _through_the_lens(
 def motions_between(
     camera: Seen,
     camera_before: Seen,
-    actors: dict[int, Seen],
-    known: dict[int, Seen],
+    actors: SeenActors,
+    known: SeenActors,
     frame: Frame,
 ) -> Motions:
     """What changed between two pictures, for the rows of a frame's instances."""
@@ -107,10 +117,11 @@ def motions_between(
     part = np.zeros(len(frame.actor_id), np.int32)
     bent = np.full(len(frame.actor_id), RIGID, np.int32)
     bends: list[NDArray[np.float32]] = []
-    for row, actor_id in enumerate(frame.actor_id.tolist()):
-        now, before = actors[actor_id], known.get(actor_id)
-        if before is None:
+    for row, key in enumerate(_keys(frame)):
+        now, body, body_before = actors[key], actors[key[0], 0], known.get((key[0], 0))
+        if body_before is None:
             continue
+        before = known.get(key) or now.carried(body, body_before)
         if not now.is_as(before):
             part[row] = len(moves)
             moves.append(_between(camera, camera_before, now, before))
@@ -158,24 +169,30 @@ def _between(
     return back @ turn, back @ (place - camera_before.location)
 
 
-def seen_actors(state: WorldState, frame: Frame) -> dict[int, Seen]:
-    """The actors of a frame by their ids."""
+def _keys(frame: Frame) -> list[tuple[int, int]]:
+    """Of the rows of a frame, as in :data:`SeenActors`."""
+    part = np.arange(len(frame.actor_id)) - frame.body
+    return list(zip(frame.actor_id.tolist(), part.tolist(), strict=True))
+
+
+def seen_actors(state: WorldState, frame: Frame) -> SeenActors:
+    """The actors of a frame and their parts."""
     rows = np.searchsorted(state.actor_id, frame.actor_id)
-    rotations = rotation_matrix(state.rotation_deg[rows].reshape(-1, 3))
+    walks = (state.kind[rows] == ActorKind.WALKER).tolist()
     return {
-        int(state.actor_id[row]): Seen(
-            rotations[index],
-            state.location[row],
-            frame.shapes[index].corners if state.kind[row] == ActorKind.WALKER else None,
+        key: Seen(
+            frame.rotation[index],
+            frame.location[index],
+            frame.shapes[index].corners if walks[index] else None,
         )
-        for index, row in enumerate(rows.tolist())
+        for index, key in enumerate(_keys(frame))
     }
 
 
 def motions_in(seconds: float, state: WorldState, request: SensorRequest, frame: Frame) -> Motions:
     """Motions of camera and actors in a time that is short, by their velocities of a tick.
 
-    Everything moves as a whole: legs of walkers do not swing in that time.
+    Everything moves as a whole: legs of walkers do not swing in that time, wheels do not turn.
 
     Args:
         seconds: the time.
@@ -185,10 +202,8 @@ def motions_in(seconds: float, state: WorldState, request: SensorRequest, frame:
     """
     now, rows = seen_actors(state, frame), np.searchsorted(state.actor_id, frame.actor_id)
     before = {
-        int(state.actor_id[row]): _earlier(
-            seconds, state, row, *_pose(now[int(state.actor_id[row])])
-        )
-        for row in rows.tolist()
+        key: _earlier(seconds, state, row, *_pose(now[key]))
+        for key, row in zip(_keys(frame), rows.tolist(), strict=True)
     }
     camera = Seen(
         rotation_matrix(request.rotation_deg), np.array(request.location, np.float64), None

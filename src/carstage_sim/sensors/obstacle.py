@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.maps.town import Town
-from carstage_sim.render.cast import NOTHING
+from carstage_sim.render.cast import NOTHING, Scene
+from carstage_sim.render.scene import Frame
 from carstage_sim.sensors.attributes import flag, number, require
 from carstage_sim.sensors.measurements import ObstacleFrame, SensorRequest
 from carstage_sim.sensors.sensor import MeasuringSensor, SensorRegistry
@@ -77,8 +78,7 @@ class ObstacleDetector(MeasuringSensor):
             centre + np.concatenate([behind, np.zeros_like(held)]),
             np.concatenate([np.tile(forward, (len(behind), 1)), held]),
             high_m=self.distance_m + 2.0 * self.radius_m,
-            skip_row=_carriers_row(view, request.owner_id),
-            rows=_dynamic_rows(state, view) if self.only_dynamics else None,
+            scene=self._scene(state, request.owner_id, view.frame),
         )
         ahead, around = hits.t[: len(behind)], hits.t[len(behind) :]
         way = np.concatenate(
@@ -95,12 +95,9 @@ class ObstacleDetector(MeasuringSensor):
         label = 0 if other_id else int(view.tags(hits)[nearest])
         return ObstacleFrame(request.sensor_id, other_id, label, float(way[nearest]))
 
-
-def _carriers_row(view: View, owner_id: int) -> int:
-    (rows,) = np.nonzero(view.frame.actor_id == owner_id)
-    return int(rows[0]) if owner_id and len(rows) else -1
-
-
-def _dynamic_rows(state: WorldState, view: View) -> NDArray[np.intp]:
-    kinds = state.kind[np.searchsorted(state.actor_id, view.frame.actor_id)]
-    return np.flatnonzero(np.isin(kinds, _DYNAMIC))
+    def _scene(self, state: WorldState, owner_id: int, frame: Frame) -> Scene:
+        """What can be in the way."""
+        if not self.only_dynamics:
+            return frame.without(frozenset((owner_id,))).scene
+        kinds = state.kind[np.searchsorted(state.actor_id, frame.actor_id)]
+        return frame.only(np.flatnonzero(np.isin(kinds, _DYNAMIC) & (frame.actor_id != owner_id)))

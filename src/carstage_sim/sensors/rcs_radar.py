@@ -94,6 +94,7 @@ class RcsRadar(ConeOfRays):
         of_actor = row >= 0
         if not of_actor.any():
             return rcs
+        row = np.where(of_actor, view.frame.body[row], row)  # a vehicle's wheels are its own
         of_rows, is_target, deviation = _of_rows(state, request, view)
         if self.fluctuates:
             of_rows = of_rows + fluctuation_db(normal, deviation)

@@ -18,6 +18,7 @@ from carstage_sim.maps.town import Town
 from carstage_sim.render.cast import NOTHING, Scene
 from carstage_sim.render.scene import Frame
 from carstage_sim.sensors.lidar import RayCastLidar, laser_directions
+from carstage_sim.sensors.loose_wheels import turned
 from carstage_sim.sensors.measurements import SEMANTIC_POINT, SemanticLidarFrame, SensorRequest
 from carstage_sim.sensors.noise import noise_stream
 from carstage_sim.sensors.radar import actor_velocities
@@ -190,9 +191,11 @@ class _Scenes:
         count = len(frame.actor_id)
         self._location, self._rotation_deg = np.zeros((count, 3)), np.zeros((count, 3))
         self._way, self._turn_deg = np.zeros((count, 3)), np.zeros((count, 3))
+        self._wheels = np.empty(0, np.intp)
         if not count or not known.any():
             return
         self._location, self._rotation_deg = state.location[here], state.rotation_deg[here]
+        (self._wheels,) = np.nonzero(frame.body != np.arange(count))
         if before is state:
             self._way = state.velocity[here] * span_s
         else:
@@ -235,17 +238,21 @@ class _Scenes:
         way_m = np.sqrt((self._way**2).sum(axis=1))
         way_m += np.radians(np.sqrt((self._turn_deg**2).sum(axis=1))) * reach_m
         if skip_row >= 0:
-            way_m[skip_row] = 0.0
+            way_m[self._frame.body == skip_row] = 0.0
         wanted = math.ceil(float(way_m.max(initial=0.0)) / _STEP_M)
         return min(max(1, wanted), _MOST_INSTANTS)
 
     def _at(self, part: float) -> Scene:
         """The scene when that part of the sweep was still to come."""
-        rotation = rotation_matrix(self._rotation_deg - self._turn_deg * part)
+        rotation = rotation_matrix(self._rotation_deg - self._turn_deg * part).reshape(-1, 3, 3)
         position = self._location - self._way * part
-        return self._frame.moved(
-            rotation.reshape(-1, 3, 3).astype(np.float32), position.astype(np.float32)
-        )
+        wheels, frame = self._wheels, self._frame
+        if len(wheels):  # they go along with their vehicles
+            now = rotation_matrix(self._rotation_deg[wheels])
+            moved = turned(rotation[wheels], np.swapaxes(now, 1, 2))
+            position[wheels] += turned(moved, frame.location[wheels] - self._location[wheels])
+            rotation[wheels] = turned(moved, frame.rotation[wheels])
+        return self._frame.moved(rotation.astype(np.float32), position.astype(np.float32))
 
 
 def _rows(

@@ -187,7 +187,8 @@ def _place(
 
 def _vehicle_rows(state: WorldState, view: View) -> NDArray[np.intp]:
     kinds = state.kind[np.searchsorted(state.actor_id, view.frame.actor_id)]
-    return np.flatnonzero(kinds == ActorKind.VEHICLE)
+    is_body = view.frame.body == np.arange(len(kinds))
+    return np.flatnonzero(is_body & (kinds == ActorKind.VEHICLE))
 
 
 def _edges(

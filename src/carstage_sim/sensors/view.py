@@ -253,7 +253,6 @@ class View:
         *,
         high_m: float,
         skip_row: int = -1,
-        rows: NDArray[np.intp] | None = None,
         scene: Scene | None = None,
     ) -> Hits:
         """Nearest hits of rays from several points.
@@ -263,14 +262,11 @@ class View:
             directions: ``(N, 3)`` unit vectors, world.
             high_m: how far they reach.
             skip_row: instance row that they pass through, -1 for none.
-            rows: the only instance rows that they can meet, and nothing of the town; None for all.
             scene: the scene of another instant; None: of this tick.
         """
         self._count_cast()
-        if scene is None:
-            scene = self.frame.scene if rows is None else self.frame.only(rows)
         return self._caster.cast(
-            scene,
+            self.frame.scene if scene is None else scene,
             origins,
             directions.astype(np.float32),
             low=0.0,

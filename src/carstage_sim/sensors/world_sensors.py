@@ -245,18 +245,19 @@ class WorldSensors:
             self._side_by_side.wait_for_all()  # what is under way shows the town as it was
         view = self._view(state)
         views = {frozenset[int](): view}
-        for request, sensor in due:
-            if request.ignored not in views:
-                views[request.ignored] = self._view(state, view, request.ignored)
+        unseen = [_unseen(request, view) for request, _ in due]
+        for (request, sensor), ignored in zip(due, unseen, strict=True):
+            if ignored not in views:
+                views[ignored] = self._view(state, view, ignored)
             if self._cameras is not None:
-                sensor.announce(state, request, views[request.ignored])
+                sensor.announce(state, request, views[ignored])
         self._ticks_begun += 1
         earlier = self._ticks_begun * _RANKS_OF_A_TICK
 
         def make(rank: int, request: SensorRequest, sensor: Sensor) -> None:
             last = 0 if sensor.many_steps else len(due)
             with self._caster.ranked(earlier + last + rank):
-                reported = sensor.report(state, request, views[request.ignored])
+                reported = sensor.report(state, request, views[unseen[rank]])
             for frame in reported:
                 deliver(request.sensor_id, frame)
 
@@ -269,8 +270,6 @@ class WorldSensors:
             )
             for rank, (request, sensor) in enumerate(due)
         ]
-        if due:
-            _ = view.frame  # which all wait for, made while no other thread wants the interpreter
         for one in views.values():
             one.take_announced()
         return FramesUnderWay(self._side_by_side.begin(pieces, begun), tuple(views.values()))
@@ -352,6 +351,14 @@ class WorldSensors:
             self._cameras,
             partial(drift_of, state),
         )
+
+
+def _unseen(request: SensorRequest, view: View) -> frozenset[int]:
+    """Actors that a sensor does not see: within its carrier's box, wheels of that neither."""
+    frame, owner = view.frame, request.owner_id
+    within = view.skipped_row(owner, request.location)
+    has_parts = within >= 0 and np.count_nonzero(frame.actor_id == owner) > 1
+    return request.ignored | {owner} if has_parts else request.ignored
 
 
 class InstantSensors:

@@ -76,6 +76,8 @@ def freeze(world: World, sites: SiteColumns, delta_s: float) -> Snapshot:
     ]
     wheel_angle_deg = np.zeros(count, np.float32)
     wheel_angle_deg[vehicles.rows] = world.fleet.wheel_angle_deg
+    rolled_m = np.zeros(count)
+    rolled_m[vehicles.rows] = world.fleet.rolled_m
     state = WorldState(
         frame=world.frame,
         timestamp_s=world.elapsed_s,
@@ -93,6 +95,7 @@ def freeze(world: World, sites: SiteColumns, delta_s: float) -> Snapshot:
         control=control,
         colour=table.colour,
         wheel_angle_deg=wheel_angle_deg,
+        rolled_m=rolled_m,
         collisions=world.collisions,
         figures=_posed_figures(world),
         wheelchairs=table.wheelchairs,

@@ -91,6 +91,7 @@ class WorldState:
             column 0.
         colour: ``(N, 3)`` uint8 paint colour (blueprint attribute ``color``), 0 for none.
         wheel_angle_deg: ``(N,)`` float32 front wheel steering angle of vehicles.
+        rolled_m: ``(N,)`` float64 way of vehicles along their heading since they were spawned.
         collisions: what touched in this step; walkers only while a sensor of collisions lives.
         doors: ``(N,)`` uint8 open doors of vehicles, a bit ``1 << carla.VehicleDoor`` for each;
             None for all closed.
@@ -117,6 +118,7 @@ class WorldState:
     control: NDArray[np.float32]
     colour: NDArray[np.uint8]
     wheel_angle_deg: NDArray[np.float32]
+    rolled_m: NDArray[np.float64]
     collisions: tuple[Collision, ...] = ()
     doors: NDArray[np.uint8] | None = None
     town_changes: TownChanges | None = None

@@ -208,7 +208,8 @@ def test_motions_by_velocities_are_those_between_the_two_poses(sensors):
         None,
     )
     here = Seen(rotation_matrix((2.0, 15.0, 0.0)), place, None)
-    wanted = motions_between(here, before, seen_actors(now, frame), seen_actors(then, frame), frame)
+    earlier = seen_actors(then, sensors.frame_of(then))
+    wanted = motions_between(here, before, seen_actors(now, frame), earlier, frame)
     assert np.array_equal(found.part, wanted.part)
     np.testing.assert_allclose(found.turn, wanted.turn, atol=1e-12)
     np.testing.assert_allclose(found.shift, wanted.shift, atol=1e-12)

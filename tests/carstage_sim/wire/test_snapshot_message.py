@@ -97,6 +97,7 @@ def three_actors() -> Snapshot:
         control=np.zeros((3, 3), np.float32),
         colour=np.zeros((3, 3), np.uint8),
         wheel_angle_deg=np.zeros(3, np.float32),
+        rolled_m=np.zeros(3),
     )
     return Snapshot(
         episode_id=4,

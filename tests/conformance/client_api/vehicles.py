@@ -137,7 +137,7 @@ def _doors(scene: TrialScene) -> None:
 
 
 @limited("Angles are kept and read back while the vehicle does not simulate physics, as in CARLA; "
-         "wheels are drawn straight.",
+         "they are not drawn.",
          "Vehicle.set_wheel_steer_direction", "Vehicle.get_wheel_steer_angle",
          "Vehicle.set_wheel_pitch_angle", "Vehicle.get_wheel_pitch_angle")  # fmt: skip
 def _wheels(scene: TrialScene) -> None:

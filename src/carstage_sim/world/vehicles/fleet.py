@@ -142,6 +142,11 @@ class VehicleFleet:
         return self._rows.wheel_angle_deg
 
     @property
+    def rolled_m(self) -> FloatArray:
+        """``(N,)`` way along the heading since each was spawned."""
+        return self._rows.rolled_m
+
+    @property
     def collides(self) -> BoolArray:
         """``(N,)`` whether a vehicle pushes others and is pushed."""
         return self._rows.collides
@@ -463,9 +468,9 @@ class VehicleFleet:
             velocity[jumped] = 0.0
         rows.acceleration = (velocity - rows.velocity) / took_s
         rows.velocity = velocity
-        turned = rotation_matrix(rows.rotation_deg) @ np.swapaxes(
-            rotation_matrix(rows.origin_rotation_deg), 1, 2
-        )
+        rotations = rotation_matrix(rows.rotation_deg)
+        rows.rolled_m += (velocity * took_s * rotations[:, :, 0]).sum(axis=1)
+        turned = rotations @ np.swapaxes(rotation_matrix(rows.origin_rotation_deg), 1, 2)
         rows.angular_velocity_deg = np.degrees(_rotation_vector(turned)) / took_s
         rows.angular_velocity_deg[jumped] = 0.0
         rows.origin_location = rows.location.copy()

@@ -67,6 +67,8 @@ class VehicleRows:
     gear: IntArray
     shift_left_s: FloatArray
     grip: FloatArray
+    # Way along the heading since it was spawned, metres.
+    rolled_m: FloatArray
     # Where this tick's motion is counted from.
     origin_location: FloatArray
     origin_rotation_deg: FloatArray

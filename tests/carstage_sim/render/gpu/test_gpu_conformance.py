@@ -64,7 +64,11 @@ def test_pictures_of_all_kinds_agree(suites):
                 vehicles=[(7, moved, 40.0 + number)],
                 walkers=[(8, walked, 90.0)],
                 velocity=(0.0, 2.5, 0.0),
+                sensors=[(100, (0.0, 0.0, 2.0), 0.0)],
+                steer_deg=25.0,
+                rolled_m=number * 0.3,
             )
+            assert len(sensors.frame_of(state).actor_id) == 1 + 4 + 1, "wheels are instances"
             frames = dict(zip(kinds, sensors.capture(state, requests), strict=True))
         found.append({kind: frame for kind, (_, frame) in frames.items()})
     cpu, gpu = found

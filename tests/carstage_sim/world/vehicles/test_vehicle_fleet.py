@@ -115,6 +115,28 @@ def test_traffic_managers_strongest_pedals_accelerate_and_brake_as_it_expects() 
     assert before - fleet.velocity[0, 0] >= 0.5 * 6.0
 
 
+def test_wheels_roll_with_the_way_forwards_and_back_and_not_with_a_jump() -> None:
+    fleet = fleet_of_one(yaw_deg=30.0)
+    start = fleet.location.copy()
+    drive(fleet, 3.0, throttle=0.5)
+    way = float(np.linalg.norm(fleet.location - start))
+    assert way > 3.0
+    assert float(fleet.rolled_m[0]) == pytest.approx(way, rel=1e-3)
+    drive(fleet, 4.0, brake=1.0)
+    forwards = float(fleet.rolled_m[0])
+    drive(fleet, 3.0, throttle=0.5, reverse=True)
+    assert float(fleet.rolled_m[0]) < forwards - 1.0
+    drive(fleet, 4.0, brake=1.0)
+    stands = float(fleet.rolled_m[0])
+    fleet.set_simulate_physics(7, False)
+    fleet.set_transform(7, (500.0, 0.0, 0.0), (0.0, 30.0, 0.0))
+    fleet.step(DELTA_S, SUBSTEPS)
+    assert float(fleet.rolled_m[0]) == stands
+    fleet.set_transform(7, (500.5, 0.0, 0.0), (0.0, 0.0, 0.0))
+    fleet.step(DELTA_S, SUBSTEPS)
+    assert float(fleet.rolled_m[0]) == pytest.approx(stands + 0.5)
+
+
 def test_pedals_and_wheel_take_their_time() -> None:
     fleet = fleet_of_one()
     drive(fleet, 0.1, throttle=1.0, steer=1.0)

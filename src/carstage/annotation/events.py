@@ -19,7 +19,8 @@ from carstage.annotation.classes import object_class
 from carstage.geometry import length, rotate, rotation_matrix
 from carstage.geometry.ground_rectangles import Rectangles, distance_m, overlap, time_to_collision_s
 from carstage.rawlog.reader import ActorInfo, WorldFrame
-from carstage.spec import EpisodeSpec, EventSpec, StoryPart
+from carstage.spec import EpisodeSpec, EventSpec
+from carstage.spec.story_parts import StoryPart
 
 HAPPENED: Final = "happened"
 NEVER_BEGAN: Final = "did not happen"

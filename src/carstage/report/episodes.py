@@ -39,7 +39,7 @@ from carstage.report.occupancy import occupancy_section
 from carstage.report.patches import patches_section
 from carstage.sensor_kinds.columns import Detection
 from carstage.sensor_kinds.model import CAMERAS, CLOUDS, COLOUR, DETECTIONS, ROWS
-from carstage.spec import STORY_ACTION, STORY_EVENT
+from carstage.spec.story_parts import STORY_ACTION, STORY_EVENT
 from carstage.validation.checks.findings import Findings
 from carstage.validation.checks.labels import LabelledBox, LabelTables, labelled_boxes
 

@@ -1,7 +1,8 @@
 """The specification of one episode: all that decides its raw truth and its labels.
 
 Planner, collector, labels, conversion and reader share this one tree of frozen dataclasses. It is
-standard library only and runs on Python 3.8, as the collector needs it there.
+standard library only and runs on Python 3.8, as the collector needs it there. Storyboards have
+modules of their own, ``storyboard`` and ``story_parts``, which few episodes need.
 """
 
 from carstage.spec.agents import (
@@ -63,7 +64,6 @@ from carstage.spec.sensors import (
     PoseSpec,
     SensorSpec,
 )
-from carstage.spec.story_parts import STORY_ACTION, STORY_EVENT, StoryPart, taking_part
 from carstage.spec.timing import SavedSteps, TimingSpec
 from carstage.spec.variants import VariantSpec, is_variant_name
 
@@ -78,8 +78,6 @@ __all__ = [
     "ON_MAP",
     "RIGID",
     "SPEC_VERSION",
-    "STORY_ACTION",
-    "STORY_EVENT",
     "AgentSeeds",
     "AgentSpec",
     "AutopilotSpec",
@@ -124,7 +122,6 @@ __all__ = [
     "SpecError",
     "Stand",
     "StationarySpec",
-    "StoryPart",
     "StoryboardSpec",
     "TimingSpec",
     "TrafficSpec",
@@ -139,5 +136,4 @@ __all__ = [
     "is_variant_name",
     "known_events",
     "stream_of",
-    "taking_part",
 ]

@@ -3,16 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Dict, List, Mapping, NamedTuple, Optional, Tuple, Type, Union
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    ClassVar,
+    Dict,
+    List,
+    Mapping,
+    NamedTuple,
+    Optional,
+    Tuple,
+    Type,
+    Union,
+)
 
 from carstage.spec.drivers import Parameter, read_parameters
 from carstage.spec.events import EventSpec, read_events
 from carstage.spec.fields import Fields, SpecError, is_number, shown
 from carstage.spec.plain import LEFT_OUT, plain
 from carstage.spec.scene import Place
-from carstage.spec.story_parts import StoryPart, story_parts
-from carstage.spec.storyboard import StoryAct, StoryEntity, Trigger, read_trigger
 from carstage.spec.values import Value
+
+if TYPE_CHECKING:
+    from carstage.spec.story_parts import StoryPart
+    from carstage.spec.storyboard import StoryAct, StoryEntity, Trigger
 
 Pose = Tuple[float, ...]
 """x, y, z (m), pitch, yaw, roll (deg) in CARLA's world axes."""
@@ -207,7 +221,10 @@ class OpenScenarioSpec(ScenarioSpec):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StoryboardSpec(ScenarioSpec):
-    """Car-STAGE itself plays an OpenSCENARIO file; the ego is the first of ``entities``."""
+    """Car-STAGE itself plays an OpenSCENARIO file; the ego is the first of ``entities``.
+
+    What it is made of is imported when it is read: few episodes have any.
+    """
 
     kind = json_kind = "storyboard"
     entities: Tuple[StoryEntity, ...]
@@ -217,6 +234,8 @@ class StoryboardSpec(ScenarioSpec):
     @classmethod
     def read(cls, fields: Fields, steps: int) -> StoryboardSpec:
         """Check and read the section."""
+        from carstage.spec.storyboard import StoryAct, StoryEntity, read_trigger
+
         del steps
         entities = tuple(map(StoryEntity.read, fields.objects("entities")))
         if not entities:
@@ -226,6 +245,8 @@ class StoryboardSpec(ScenarioSpec):
 
     def planned_events(self) -> Tuple[StoryPart, ...]:
         """Each event of the storyboard, followed by its actions."""
+        from carstage.spec.story_parts import story_parts
+
         return story_parts(self.acts)
 
 

@@ -1,9 +1,11 @@
-"""What the road users do: one module per kind of scenario; importing this fills the registry.
+"""What the road users do: one module per kind of scenario.
+
+Those of kinds that few episodes have, such as ``replay``, are imported when one is made.
 
 ``base`` holds the seam, ``traffic`` the Traffic Manager's settings, ``routing`` the way by road.
 """
 
-from carstage.collector.scenario import autopilot, program, replay, storyboard
+from carstage.collector.scenario import autopilot
 from carstage.collector.scenario.base import Population, Scenario, make_scenario, scenario
 
 __all__ = [
@@ -11,8 +13,5 @@ __all__ = [
     "Scenario",
     "autopilot",
     "make_scenario",
-    "program",
-    "replay",
     "scenario",
-    "storyboard",
 ]

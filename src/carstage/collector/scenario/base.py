@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Tuple, Type, TypeVar
 
 from carstage.collector.actors import Walker, spawn_vehicles, spawn_walkers, start_walkers
@@ -107,6 +108,13 @@ class Scenario:
 
 SCENARIOS: Dict[str, Type[Scenario]] = {}
 """Kind to class, filled by :func:`scenario`."""
+_MODULES = {
+    "openscenario": "program",
+    "replay": "replay",
+    "scenic": "program",
+    "storyboard": "storyboard",
+}
+"""By kinds that few episodes have, the module of this package that adds them when it is needed."""
 
 ScenarioClass = TypeVar("ScenarioClass", bound=Type[Scenario])
 
@@ -134,8 +142,9 @@ def make_scenario(
         SceneError: unknown kind.
     """
     kind = spec.scenario.kind
+    if kind in _MODULES:
+        import_module("carstage.collector.scenario." + _MODULES[kind])
     if kind not in SCENARIOS:
-        raise SceneError(
-            "scenario.kind: %r is not known." % kind, "Known are: %s." % ", ".join(SCENARIOS)
-        )
+        known = ", ".join(sorted({*SCENARIOS, *_MODULES}))
+        raise SceneError("scenario.kind: %r is not known." % kind, "Known are: %s." % known)
     return SCENARIOS[kind](client, session, spec, server, program)

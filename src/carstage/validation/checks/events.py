@@ -19,7 +19,8 @@ from carstage.geometry.ground_rectangles import (
     overlap,
     time_to_collision_s,
 )
-from carstage.spec import EventSpec, StoryPart
+from carstage.spec import EventSpec
+from carstage.spec.story_parts import StoryPart
 from carstage.validation.checks.findings import Findings
 from carstage.validation.checks.labels import LabelTables
 from carstage.validation.checks.recomputing import entries, numbers, rows_at

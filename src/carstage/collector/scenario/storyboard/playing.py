@@ -23,7 +23,8 @@ from carstage.collector.scenario.storyboard.parts import PlayedStoryboard
 from carstage.collector.scenario.storyboard.places import Places
 from carstage.collector.scenario.storyboard.road_users import RoadUsers
 from carstage.collector.world import WorldSession
-from carstage.spec import EpisodeSpec, StoryboardSpec, taking_part
+from carstage.spec import EpisodeSpec, StoryboardSpec
+from carstage.spec.story_parts import taking_part
 from carstage.spec.storyboard import StoryEntity
 
 RUN_UP_STEPS = 3

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields
-from functools import reduce
-from operator import or_
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Any, Literal
 
-from pydantic import Discriminator, Strict, create_model, model_validator
+from pydantic import create_model, model_validator
 
-from carstage.config.fields import Section, problem, setting
-from carstage.config.timing import Timing
+from carstage.config.asked_events import Event
+from carstage.config.fields import problem, setting
 from carstage.spec import EVENT_SPECS, EventSpec, known_events
 
-MOST_EVENTS = 100
 SLOWEST_PASSED_M_S = 1.0
 """A car that an oncoming one passes drives at least that fast."""
 
@@ -40,7 +38,7 @@ def _kind(title: str, sentence: str) -> Any:
     return setting(title=title, description=sentence, group="ego")
 
 
-class PedestrianCrosses(Section):
+class PedestrianCrosses(Event):
     """A pedestrian waits at the kerb ahead and crosses before the ego."""
 
     kind: Literal["pedestrian_crosses"] = _kind("Event", "A pedestrian crosses before the ego.")
@@ -73,7 +71,7 @@ class PedestrianCrosses(Section):
         return self
 
 
-class HardBrakingLeader(Section):
+class HardBrakingLeader(Event):
     """A car drives ahead of the ego and brakes to a stop."""
 
     kind: Literal["hard_braking_leader"] = _kind("Event", "A car ahead of the ego brakes hard.")
@@ -92,7 +90,7 @@ class HardBrakingLeader(Section):
     )
 
 
-class CutIn(Section):
+class CutIn(Event):
     """A car in the lane beside the ego's moves over, closely ahead, and drives slower."""
 
     kind: Literal["cut_in"] = _kind("Event", "A car moves into the ego's lane, closely ahead.")
@@ -108,7 +106,7 @@ class CutIn(Section):
     )
 
 
-class StoppedVehicle(Section):
+class StoppedVehicle(Event):
     """A car stands in the ego's lane with its hazard lights on, then drives on."""
 
     kind: Literal["stopped_vehicle"] = _kind("Event", "A car stands in the ego's lane.")
@@ -129,7 +127,7 @@ class StoppedVehicle(Section):
         return self
 
 
-class OncomingOvertaker(Section):
+class OncomingOvertaker(Event):
     """A car that comes towards the ego passes another one in the ego's lane, and moves back."""
 
     kind: Literal["oncoming_overtaker"] = _kind("Event", "An oncoming car passes another one.")
@@ -163,7 +161,7 @@ class OncomingOvertaker(Section):
         return self
 
 
-class EmergencyVehicle(Section):
+class EmergencyVehicle(Event):
     """An emergency vehicle comes from behind, its lamps flashing, and passes or follows the ego."""
 
     kind: Literal["emergency_vehicle"] = _kind("Event", "An emergency vehicle comes from behind.")
@@ -198,7 +196,7 @@ class EmergencyVehicle(Section):
         return self
 
 
-class WrongWayCyclist(Section):
+class WrongWayCyclist(Event):
     """A cyclist rides against the traffic, near the kerb of the ego's lane."""
 
     kind: Literal["wrong_way_cyclist"] = _kind("Event", "A cyclist comes in the ego's lane.")
@@ -222,7 +220,7 @@ class WrongWayCyclist(Section):
         return self
 
 
-class RedLightRunner(Section):
+class RedLightRunner(Event):
     """A car crosses the junction ahead against red, while the ego has green."""
 
     kind: Literal["red_light_runner"] = _kind("Event", "A car crosses against red.")
@@ -242,7 +240,7 @@ class RedLightRunner(Section):
     )
 
 
-class WorksZone(Section):
+class WorksZone(Event):
     """Cones, a barrier and a sign narrow or close the ego's lane ahead."""
 
     kind: Literal["works_zone"] = _kind("Event", "Works narrow or close the ego's lane.")
@@ -284,7 +282,7 @@ def _check_trigger(trigger_m: float, distance_m: float) -> None:
         )
 
 
-def section_of(spec: type[EventSpec]) -> type[Section]:
+def section_of(spec: type[EventSpec]) -> type[Event]:
     """The section of a kind of another package, from its specification."""
     kind = spec().kind
     summary = (spec.__doc__ or kind).strip().splitlines()[0]
@@ -308,52 +306,20 @@ def section_of(spec: type[EventSpec]) -> type[Section]:
         else:
             given[each.name] = (float, _number(kind, each.name, title, sentence, unit))
     return create_model(
-        spec.__name__, __base__=Section, __doc__=summary, __module__=__name__, **given
+        spec.__name__, __base__=Event, __doc__=summary, __module__=__name__, **given
     )
 
 
-BUILT_IN = (
-    PedestrianCrosses,
-    HardBrakingLeader,
-    CutIn,
-    StoppedVehicle,
-    OncomingOvertaker,
-    EmergencyVehicle,
-    WrongWayCyclist,
-    RedLightRunner,
-    WorksZone,
-)
-
-if TYPE_CHECKING:
-    Event = Section
-else:
-    _added = (section_of(spec) for spec in known_events().values() if spec.collector)
-    Event = Annotated[reduce(or_, (*BUILT_IN, *_added)), Discriminator("kind")]
-Events = Annotated[tuple[Event, ...], Strict(strict=False)]
-
-
-def no_events() -> Any:
-    """The setting of a scenario; by default nothing happens but traffic."""
-    return setting(
-        (),
-        title="Events",
-        description="What happens to the ego on its way, such as `{kind: pedestrian_crosses}`; "
-        "see docs/how-to/events.md.",
-        group="ego",
-        max_length=MOST_EVENTS,
-    )
-
-
-def check_events(scenario: Section, timing: Timing) -> None:
-    """Refuse events where the world does not wait for who moves them.
-
-    Raises:
-        PydanticCustomError: it runs by the clock.
-    """
-    if getattr(scenario, "events", ()) and timing.mode != "sync":
-        raise problem(
-            "events need a world that waits for each step.",
-            "Set timing.mode to sync, or leave the events out.",
-            "scenario",
-            "events",
-        )
+EVENT_KINDS: Mapping[str, type[Event]] = {
+    "pedestrian_crosses": PedestrianCrosses,
+    "hard_braking_leader": HardBrakingLeader,
+    "cut_in": CutIn,
+    "stopped_vehicle": StoppedVehicle,
+    "oncoming_overtaker": OncomingOvertaker,
+    "emergency_vehicle": EmergencyVehicle,
+    "wrong_way_cyclist": WrongWayCyclist,
+    "red_light_runner": RedLightRunner,
+    "works_zone": WorksZone,
+    **{kind: section_of(spec) for kind, spec in known_events().items() if spec.collector},
+}
+"""The models by kind: those of Car-STAGE, then those that other packages register."""

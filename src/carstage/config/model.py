@@ -8,6 +8,7 @@ from typing import Any, Literal
 from pydantic import model_validator
 
 from carstage.config.agents import Agents, AnyAgent, VehicleAgent, check_agents
+from carstage.config.asked_events import check_events
 from carstage.config.attributes import (
     ImageSize,
     SensorAttributes,
@@ -17,7 +18,6 @@ from carstage.config.attributes import (
 from carstage.config.campaign import Campaign, Condition
 from carstage.config.conversion import Conversion
 from carstage.config.drivers import Driver, check_driver
-from carstage.config.events import check_events
 from carstage.config.fields import Section, path_text, problem, setting, unknown
 from carstage.config.labels import GroundTruth, Labels
 from carstage.config.occupancy import Occupancy

@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, Strict, field_validator, model_validator
 
+from carstage.config.asked_events import Events, no_events
 from carstage.config.drivers import AutopilotDriver, Driver
-from carstage.config.events import Events, no_events
 from carstage.config.fields import Names, Section, problem, setting, shortened, unknown
 from carstage.config.timing import Timing
 from carstage.spec.drivers import MOST_PARAMETERS

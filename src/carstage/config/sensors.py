@@ -5,24 +5,11 @@ The models are made from the rows of ``carstage.sensor_kinds``.
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from functools import reduce
-from operator import or_
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import (
-    Discriminator,
-    GetCoreSchemaHandler,
-    GetJsonSchemaHandler,
-    TypeAdapter,
-    ValidationInfo,
-    create_model,
-    model_validator,
-)
-from pydantic.json_schema import JsonSchemaValue
-from pydantic_core import PydanticKnownError, core_schema
+from pydantic import create_model, model_validator
 
 from carstage.config.attributes import (
     FlashAttributes,
@@ -33,6 +20,7 @@ from carstage.config.attributes import (
 )
 from carstage.config.fields import Section, problem, setting, shortened
 from carstage.config.lenses import AnyLens
+from carstage.config.of_its_kind import OfItsKind
 from carstage.config.products import PRODUCTS, products_of
 from carstage.errors import BadInputError
 from carstage.geometry.lens_sources import SourceView
@@ -451,46 +439,4 @@ SENSOR_KINDS: Mapping[str, type[Sensor]] = _Models(kinds())
 """Model of a sensor by the short name of its kind."""
 
 
-class _OfItsKind:
-    """Checks a sensor by the model of its kind.
-
-    A union of all models, told apart by ``kind``, says the same. But for that pydantic makes all
-    models' checkers: 30 ms of every run, of which few have more than five kinds of sensors.
-    """
-
-    def __get_pydantic_core_schema__(
-        self, source: object, handler: GetCoreSchemaHandler
-    ) -> core_schema.CoreSchema:
-        return core_schema.with_info_plain_validator_function(_checked)
-
-    def __get_pydantic_json_schema__(
-        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
-    ) -> JsonSchemaValue:
-        union: Any = Annotated[reduce(or_, SENSOR_KINDS.values()), Discriminator("kind")]
-        return handler(TypeAdapter(union).core_schema)
-
-
-def _checked(value: Any, info: ValidationInfo) -> Sensor:
-    """A sensor of the kind that it names, with the errors that a union would have."""
-    if isinstance(value, Sensor):
-        return value
-    if not isinstance(value, dict):
-        raise PydanticKnownError("model_attributes_type")
-    if "kind" not in value:
-        raise PydanticKnownError("union_tag_not_found", {"discriminator": "'kind'"})
-    kind = value["kind"]
-    if not isinstance(kind, str) or kind not in SENSOR_KINDS:
-        raise PydanticKnownError(
-            "union_tag_invalid",
-            {
-                "discriminator": "'kind'",
-                "tag": str(kind),
-                "expected_tags": ", ".join(map(repr, SENSOR_KINDS)),
-            },
-        )
-    if info.mode == "json":  # lists are what tuples are there
-        return SENSOR_KINDS[kind].model_validate_json(json.dumps(value))
-    return SENSOR_KINDS[kind].model_validate(value)
-
-
-AnySensor = Annotated[Sensor, _OfItsKind()]
+AnySensor = Annotated[Sensor, OfItsKind(Sensor, lambda: SENSOR_KINDS)]

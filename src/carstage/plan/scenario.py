@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from carstage.config import Config
+from carstage.config.asked_events import Event
 from carstage.config.drivers import AutopilotDriver
-from carstage.config.events import Event
 from carstage.config.scene import (
     LogScenario,
     OpenScenarioScenario,

@@ -49,16 +49,23 @@ def patience_s(timing: TimingSpec, timeout_s: float) -> float:
     return min(SKIP_PATIENCE_S, timeout_s) if not timing.demands_all else timeout_s
 
 
-def apply_timing(world: Any, spec: EpisodeSpec) -> None:
-    """Make the server run as planned; a server that does already is left alone."""
-    before = world.get_settings()
-    settings = _planned(world, spec)
-    if settings != before:
-        world.apply_settings(settings)
+def take_clock(world: Any, spec: EpisodeSpec) -> None:
+    """Make the server run as planned, and be the one for whom it does.
+
+    Settings that are as planned are sent all the same: a client that died may have made them, and
+    a server may set its world free in a moment.
+    """
+    world.apply_settings(_planned(world, spec))
+
+
+def keep_clock(world: Any, spec: EpisodeSpec) -> None:
+    """Make the server run as planned again; one that does already is left alone."""
+    if not keeps_timing(world, spec):
+        world.apply_settings(_planned(world, spec))
 
 
 def keeps_timing(world: Any, spec: EpisodeSpec) -> bool:
-    """Whether the server still runs as ``apply_timing`` has made it."""
+    """Whether the server still runs as ``take_clock`` has made it."""
     return bool(world.get_settings() == _planned(world, spec))
 
 

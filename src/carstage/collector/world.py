@@ -12,7 +12,7 @@ from carstage.collector.client import answers
 from carstage.collector.internals.errors import ran_out_of_time
 from carstage.collector.internals.plan import DEFAULT_LOAD_TIMEOUT_S
 from carstage.collector.maps import find_map, layers_of
-from carstage.collector.timing import apply_timing, keeps_timing, release_timing
+from carstage.collector.timing import keep_clock, keeps_timing, release_timing, take_clock
 from carstage.collector.weather import Weather
 from carstage.spec import EpisodeSpec
 
@@ -60,9 +60,9 @@ class WorldSession:
         try:
             # The clock first: a world that is loaded while the server runs freely has taken a
             # number of steps, of lengths that nobody planned, before it is under our clock.
-            apply_timing(self.world, self._spec)
+            take_clock(self.world, self._spec)
             self.world = self._load(name)
-            apply_timing(self.world, self._spec)
+            keep_clock(self.world, self._spec)
             self.weather = Weather(self.world, self._spec.weather)
             self.map = self.world.get_map()
         except BaseException:

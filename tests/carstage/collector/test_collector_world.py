@@ -10,8 +10,13 @@ import carla
 import pytest
 
 from carstage.collector.world import WorldSession
-from carstage.spec import TimingSpec
+from carstage.spec import TimingSpec, WeatherSpec
+from raw_client import RawClient
 from running_simulator import RunningSimulator
+
+AS_PLANNED = [True, False, [True, 0.1], True, 0.01, 10, 0.0, True, 3000.0, 2000.0, True]
+LET_GO_S = 1.5
+"""Longer than the server waits before it lets a world go."""
 
 
 class SlowClient:
@@ -82,3 +87,29 @@ def test_a_server_that_does_not_answer_is_not_taken_for_an_occupied_place(
         client.apply_batch_sync(
             [carla.command.DestroyActor(one.id) for one in (*gone, mounted)], False
         )
+
+
+@pytest.mark.end_to_end
+def test_world_of_a_client_that_just_died_is_taken_over_before_the_map_is_loaded(
+    simulator: RunningSimulator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its server would let it go a second later, which might be while the map is loaded."""
+    load = WorldSession._load
+
+    def load_later(session: WorldSession, name: str) -> Any:
+        with pytest.raises(RuntimeError, match="time-out"):
+            session.world.wait_for_tick(LET_GO_S)
+        return load(session, name)
+
+    monkeypatch.setattr(WorldSession, "_load", load_later)
+    timing, weather = TimingSpec("sync", True, 0.01, 10, "wait"), WeatherSpec(None, {}, "auto")
+    spec: Any = SimpleNamespace(
+        map="Stage01", map_layers=None, timing=timing, step_s=0.1, weather=weather
+    )
+    client = carla.Client(simulator.host, simulator.port)
+    client.set_timeout(20.0)
+    with RawClient(simulator.host, simulator.port) as dying:
+        dying.value("set_episode_settings", AS_PLANNED)
+        dying.value("tick_cue")
+    with WorldSession(client, spec, 20.0) as session:
+        assert session.world.get_settings().synchronous_mode

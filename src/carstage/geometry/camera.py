@@ -45,8 +45,8 @@ def is_pinhole(attributes: Mapping[str, str]) -> bool:
         ValueError: an attribute of the lens is no number.
     """
     return all(
-        float(attributes.get(name, default)) == default
-        for name, default in PINHOLE_ATTRIBUTES.items()
+        float(attributes[name]) == PINHOLE_ATTRIBUTES[name]
+        for name in PINHOLE_ATTRIBUTES.keys() & attributes.keys()
     )
 
 

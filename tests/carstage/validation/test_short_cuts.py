@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
@@ -19,6 +19,7 @@ from carstage.geometry import (
     Z_NEAR_M,
     back_project,
     clip_polygon_to_image,
+    convex_hull,
     invert_pose,
     polygon_area,
     pose_matrix,
@@ -35,7 +36,7 @@ from carstage.validation.checks.ranging import (
     compare_with_depth,
 )
 from carstage.validation.checks.recomputing import numbers
-from carstage.validation.checks.silhouettes import projected_hull
+from carstage.validation.checks.silhouettes import distance_outside, outside_hull, projected_hulls
 
 WIDTH, HEIGHT = 48, 32
 
@@ -104,12 +105,28 @@ def test_no_box_that_a_camera_can_see_is_passed_over(
 ) -> None:
     camera = sensor("CAM", (1.0, 0.2, 1.5), yaw_deg=20.0)
     box = LabelledBox(1, pose_matrix(place, turned), np.array(extent), frozenset(), {}, False)
-    hull = projected_hull(camera, box)
+    (hull,) = projected_hulls(camera, [box])
     seen = len(hull) >= 3 and (
         polygon_area(clip_polygon_to_image(hull, WIDTH, HEIGHT)) >= MIN_AREA_PX
     )
     if seen:
         assert perhaps_in_view(camera, [box]) == [box]
+
+
+@given(
+    mask=arrays.arrays(np.bool_, (12, 16)),
+    places=st.lists(st.tuples(st.floats(0, 16), st.floats(0, 12)), min_size=3, max_size=8),
+    by_columns=st.booleans(),
+)
+def test_pixels_whose_line_ends_are_inside_are_all_inside(
+    mask: np.ndarray, places: list[tuple[float, float]], by_columns: bool
+) -> None:
+    hull = convex_hull(np.array(places))
+    assume(len(hull) >= 3)
+    v, u = np.nonzero(mask.T)[::-1] if by_columns else np.nonzero(mask)
+    plain = distance_outside(hull, np.column_stack([u + 0.5, v + 0.5]))
+    camera = sensor("CAM", (0.0, 0.0, 1.5), yaw_deg=0.0)
+    np.testing.assert_array_equal(outside_hull(camera, hull, (v, u)), plain)
 
 
 def test_boxes_behind_and_beside_a_camera_are_passed_over() -> None:

@@ -22,7 +22,7 @@ from carstage.geometry import (
 )
 from carstage.validation.checks.findings import Findings, Severity
 from carstage.validation.checks.labels import LabelledBox
-from carstage.validation.checks.silhouettes import projected_hull
+from carstage.validation.checks.silhouettes import projected_hulls
 
 MIN_AREA_PX = 1.0
 DISTANCE_MARGIN_M = 0.01
@@ -98,11 +98,13 @@ def check_missing_rows(
     """
     origin = np.zeros(3) if from_ego else camera.ego_from_sensor[:3, 3]
     unlabelled = [b for b in boxes if b.track_id not in labelled and b.track_id != carrier]
+    near = []
     for box in perhaps_in_view(camera, unlabelled):
         distance_m = float(np.linalg.norm(box.ego_from_box[:3, 3] - origin))
-        if distance_m > max_distance_m - DISTANCE_MARGIN_M:
-            continue
-        hull = projected_hull(camera, box)
+        if distance_m <= max_distance_m - DISTANCE_MARGIN_M:
+            near.append((box, distance_m))
+    hulls = projected_hulls(camera, [box for box, _ in near])
+    for (box, distance_m), hull in zip(near, hulls, strict=True):
         if len(hull) < 3:
             continue
         if polygon_area(clip_polygon_to_image(hull, camera.width, camera.height)) >= MIN_AREA_PX:

@@ -14,6 +14,7 @@ from carstage.geometry import (
     OPTICAL_FROM_SENSOR,
     Z_NEAR_M,
     invert_pose,
+    length,
     transform_points,
 )
 from carstage.validation.checks.findings import Findings
@@ -240,14 +241,19 @@ def check_point_counts(
     x, y, z = (_along(axis, xyz) for axis in lidar.ego_from_sensor[:3])
     order = np.argsort(x)
     x, y, z = x[order], y[order], z[order]
+    counted = [box for box in boxes if box.lidar_points.get(lidar.id) is not None]
+    if not counted:
+        return 0
+    centers = np.stack([box.ego_from_box[:3, 3] for box in counted])
+    reaches = length(np.stack([box.extent for box in counted])) + BOX_SKIN_M
+    firsts, ends = (
+        np.searchsorted(x, centers[:, 0] + side).tolist() for side in (-reaches, reaches)
+    )
     total = 0
-    for box in boxes:
-        labelled = box.lidar_points.get(lidar.id)
-        if labelled is None:
-            continue
-        reach = float(np.linalg.norm(box.extent)) + BOX_SKIN_M
-        center = box.ego_from_box[:3, 3]
-        first, end = np.searchsorted(x, [center[0] - reach, center[0] + reach])
+    for box, first, end, center, reach in zip(
+        counted, firsts, ends, centers.tolist(), reaches.tolist(), strict=True
+    ):
+        labelled = box.lidar_points[lidar.id]
         near = first + np.flatnonzero(
             (np.abs(y[first:end] - center[1]) <= reach)
             & (np.abs(z[first:end] - center[2]) <= reach)

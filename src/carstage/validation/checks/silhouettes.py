@@ -62,58 +62,93 @@ class SilhouetteFigures:
         }
 
 
-def projected_hull(
-    camera: SensorCalibration, box: LabelledBox, *, grown_m: float | NDArray[np.float64] = 0.0
-) -> list[Point]:
-    """Silhouette of a box in a camera's image plane, px; empty when it is behind the camera.
+def projected_hulls(
+    camera: SensorCalibration,
+    boxes: Sequence[LabelledBox],
+    *,
+    grown_m: float | NDArray[np.float64] = 0.0,
+) -> list[list[Point]]:
+    """Silhouettes of boxes in a camera's image plane, px; empty when one is behind the camera.
 
-    Of a camera with a lens it need not be convex, and ends where the lens does.
+    Of a camera with a lens one need not be convex, and ends where the lens does.
 
     Args:
         camera: who looks.
-        box: the box.
-        grown_m: by how much it is larger, at each side.
+        boxes: the boxes.
+        grown_m: by how much they are larger, at each side.
     """
-    corners = transform_points(
-        invert_pose(camera.ego_from_sensor), box_corners(box.ego_from_box, box.extent + grown_m)
-    )
-    optical = corners @ OPTICAL_FROM_SENSOR.T
-    if camera.bent is not None:
-        outline = lens_outline(optical, camera.bent)
-        return [] if outline is None else outline.polygon
-    seen = clip_to_near_plane(optical, Z_NEAR_M)
-    return convex_hull(project(seen, camera.k, 0.0)) if len(seen) >= 3 else []
+    if not boxes:
+        return []
+    poses = np.stack([box.ego_from_box for box in boxes])
+    extents = np.stack([box.extent for box in boxes])
+    in_ego = box_corners(poses, extents + grown_m)
+    in_camera = transform_points(invert_pose(camera.ego_from_sensor), in_ego.reshape(-1, 3))
+    optical = (in_camera @ OPTICAL_FROM_SENSOR.T).reshape(in_ego.shape)
+    bent = camera.bent
+    if bent is not None:
+        outlines = [lens_outline(corners, bent) for corners in optical]
+        return [[] if outline is None else outline.polygon for outline in outlines]
+    whole = np.asarray((optical[..., 2] >= Z_NEAR_M).all(axis=1))
+    pixels = project(np.where(whole[:, None, None], optical, 1.0), camera.k, 0.0)
+    hulls = []
+    for number, is_whole in enumerate(whole.tolist()):
+        if is_whole:
+            hulls.append(convex_hull(pixels[number]))
+            continue
+        seen = clip_to_near_plane(optical[number], Z_NEAR_M)
+        hulls.append(convex_hull(project(seen, camera.k, 0.0)) if len(seen) >= 3 else [])
+    return hulls
 
 
 def outside_hull(
-    camera: SensorCalibration, hull: Sequence[Point], points: NDArray[np.float64]
+    camera: SensorCalibration, hull: Sequence[Point], pixels: Pixels
 ) -> NDArray[np.float64]:
-    """Distance ``(N,)`` of points ``(N, 2)`` to what `projected_hull` gave; 0 inside."""
+    """Distance ``(N,)`` of the centres of pixels to what `projected_hulls` gave; 0 inside.
+
+    Args:
+        camera: who looks.
+        hull: the silhouette.
+        pixels: in the order of their rows, or of their columns.
+    """
+    v, u = pixels
     if camera.bent is None:
-        return distance_outside(hull, points)
+        ends = line_ends(pixels)
+        if _is_inside(*_sides(hull), _centers(u[ends], v[ends])).all():
+            return np.zeros(len(u))
+        return distance_outside(hull, _centers(u, v))
     shifts = (-camera.width, 0, camera.width) if camera.bent.wraps else (0,)
+    points = _centers(u, v)
     away = [
         distance_outside(hull, points + np.array([shift, 0.0]), convex=False) for shift in shifts
     ]
     return np.asarray(np.min(away, axis=0))
 
 
+def _centers(u: NDArray[np.int64], v: NDArray[np.int64]) -> NDArray[np.float64]:
+    return np.column_stack([u + 0.5, v + 0.5])
+
+
+def line_ends(pixels: Pixels) -> NDArray[np.int64]:
+    """The first and the last pixel of each row, or column: all lie in what is convex if these do.
+
+    Args:
+        pixels: in the order of their rows, or of their columns.
+    """
+    v, u = pixels
+    line = v if (v[1:] >= v[:-1]).all() else u
+    turns = np.flatnonzero(line[1:] != line[:-1])
+    return np.concatenate([[0], turns, turns + 1, [len(line) - 1]]) if len(line) else turns
+
+
 def distance_outside(
     polygon: Sequence[Point], points: NDArray[np.float64], *, convex: bool = True
 ) -> NDArray[np.float64]:
     """Distance ``(N,)`` of points ``(N, 2)`` to a polygon; 0 inside."""
-    corners = np.array(polygon)
-    start, along = corners, np.roll(corners, -1, axis=0) - corners
-    if convex:
-        normals = np.stack([along[:, 1], -along[:, 0]], axis=1)
-        normals *= np.sign(np.sum((corners - corners.mean(axis=0)) * normals, axis=1))[:, None]
-        inside = np.ones(len(points), np.bool_)
-        for (x, y), (across, up) in zip(start.tolist(), normals.tolist(), strict=True):
-            inside &= (points[:, 0] - x) * across + (points[:, 1] - y) * up <= 0.0
-    else:
-        inside = _crossings_are_odd(start, along, points)
+    start, along = _sides(polygon)
+    inside = _is_inside if convex else _crossings_are_odd
     found = np.zeros(len(points))
-    outside = np.flatnonzero(~inside)  # few or none: the distance costs ten times as much
+    # Few or none are outside: the distance costs ten times as much.
+    outside = np.flatnonzero(~inside(start, along, points))
     if len(outside):
         offset = points[outside, None, :] - start[None]
         length = np.maximum(np.sum(along * along, axis=1), 1e-12)
@@ -121,6 +156,26 @@ def distance_outside(
         away = offset - share[..., None] * along[None]
         found[outside] = np.linalg.norm(away, axis=2).min(axis=1)
     return found
+
+
+def _sides(polygon: Sequence[Point]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """``(E, 2)`` where sides begin, and the vectors along them."""
+    corners = np.array(polygon)
+    return corners, np.concatenate([corners[1:], corners[:1]]) - corners
+
+
+def _is_inside(
+    start: NDArray[np.float64], along: NDArray[np.float64], points: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Which points ``(N, 2)`` lie on the inner side of all sides of a convex polygon."""
+    from_middle = start - start.mean(axis=0)
+    inwards = np.sign(from_middle[:, 0] * along[:, 1] - from_middle[:, 1] * along[:, 0])
+    across, up = (along[:, 1] * inwards).tolist(), (-along[:, 0] * inwards).tolist()
+    u, v = points[:, 0], points[:, 1]
+    inside = np.ones(len(points), np.bool_)
+    for (x, y), of_u, of_v in zip(start.tolist(), across, up, strict=True):
+        inside &= (u - x) * of_u + (v - y) * of_v <= 0.0
+    return inside
 
 
 def _crossings_are_odd(
@@ -167,13 +222,19 @@ def check_silhouettes(
     """
     by_track = {box.track_id: box for box in boxes}
     where: dict[str, Any] = {"frame": k, "sensor": camera.id}
-    ids = None if instance is None else np.ascontiguousarray(instance[..., Instance.ID])
-    for row in rows:
-        box = by_track.get(row["track_id"])
-        if box is None or not camera.is_projective:
-            continue
+    known = [(row, box) for row in rows if (box := by_track.get(row["track_id"])) is not None]
+    if not known or not camera.is_projective:
+        return
+    hulls = projected_hulls(camera, [box for _, box in known])
+    # Arms and legs leave a walker's capsule, and skins differ by their roundings.
+    counted = [box for row, box in known if row["visible_px"] and row.get("outside_px") is not None]
+    capsules = [box for box in counted if box.is_capsule]
+    bodies = _by_track(capsules, projected_hulls(camera, capsules, grown_m=BODY_REACH_M))
+    of_skins = counted if camera.bent is not None else capsules
+    skins = _by_track(of_skins, projected_hulls(camera, of_skins, grown_m=BOX_MARGIN_M))
+    codes = None if instance is None else InstancePixels(instance)
+    for (row, box), hull in zip(known, hulls, strict=True):
         name = f"object {row['track_id']}"
-        hull = projected_hull(camera, box)
         if len(hull) < 3:
             findings.add("hull", f"{name} is labelled, but its box is out of view", **where)
             continue
@@ -183,34 +244,36 @@ def check_silhouettes(
             continue
         # Where two actors share the bits of an id, the image cannot tell whose pixels they are,
         # and it never does of level objects.
-        if instance is None or ids is None or row["instance_ambiguous"] or box.is_static:
+        if codes is None or row["instance_ambiguous"] or box.is_static:
             own = mask
         else:
-            own, is_own = _own_pixels(ids, instance, box)
-            if mask is not None and not is_own[mask].all():
+            own = codes.of(box)
+            if mask is not None and not codes.are_of(box, mask).all():
                 message = f"{name}: its mask has pixels of another instance id"
                 findings.add("mask", message, **where)
         if own is None:
             continue
-        v, u = own
-        centers = np.column_stack([u + 0.5, v + 0.5])
         if row.get("outside_px") is not None:
-            _check_outside(camera, name, row, box, centers, findings, where)
-            if box.is_capsule:
-                hull = projected_hull(camera, box, grown_m=BODY_REACH_M)
-        beyond = outside_hull(camera, hull, centers)
-        outside = int((beyond > HULL_MARGIN_PX).sum())
+            skin = skins.get(box.track_id)
+            _check_outside(camera, name, row, skin, own, findings, where)
+            hull = bodies.get(box.track_id, hull)
+        beyond = outside_hull(camera, hull, own)
+        outside, count = int((beyond > HULL_MARGIN_PX).sum()), len(beyond)
         figures.objects += 1
-        figures.pixels += len(u)
+        figures.pixels += count
         figures.outside += outside
         figures.farthest_px = max(figures.farthest_px, float(beyond.max(initial=0.0)))
         if outside:
             findings.add(
                 "hull",
-                f"{name}: {outside} of its {len(u)} pixels lie outside the projection of its box, "
+                f"{name}: {outside} of its {count} pixels lie outside the projection of its box, "
                 f"the farthest by {beyond.max():.1f} px",
                 **where,
             )
+
+
+def _by_track(boxes: Sequence[LabelledBox], hulls: Sequence[list[Point]]) -> dict[int, list[Point]]:
+    return {box.track_id: hull for box, hull in zip(boxes, hulls, strict=True)}
 
 
 def visible_objects(
@@ -228,15 +291,36 @@ def visible_objects(
     return objects
 
 
-def _own_pixels(
-    ids: NDArray[np.uint16], instance: NDArray[np.uint16], box: LabelledBox
-) -> tuple[Pixels, NDArray[np.bool_]]:
-    """Pixels of an object's id with a tag that it has, and where they are, ``(H, W)``."""
-    is_own: NDArray[np.bool_] = ids == (box.track_id & 0xFFFF)
-    rows, columns = np.divmod(np.flatnonzero(is_own), max(ids.shape[1], 1))
-    fits = np.isin(instance[rows, columns, Instance.TAG], list(box.tags))
-    is_own[rows[~fits], columns[~fits]] = False
-    return (rows[fits], columns[fits]), is_own
+class InstancePixels:
+    """Whose the pixels of an instance image are.
+
+    Args:
+        image: ``(H, W, 2)`` id and tag.
+    """
+
+    def __init__(self, image: NDArray[np.uint16]) -> None:
+        self._width = max(image.shape[1], 1)
+        self._ids = np.ascontiguousarray(image[..., Instance.ID])
+        self._tags = np.ascontiguousarray(image[..., Instance.TAG])
+
+    def of(self, box: LabelledBox) -> Pixels:
+        """The pixels of an object's id with a tag that it has, row by row."""
+        places = np.flatnonzero(self._ids == (box.track_id & 0xFFFF))
+        rows, columns = np.divmod(places[_any_of(self._tags.ravel()[places], box)], self._width)
+        return rows, columns
+
+    def are_of(self, box: LabelledBox, pixels: Pixels) -> NDArray[np.bool_]:
+        """Which of some pixels ``(N,)`` are."""
+        is_its_id: NDArray[np.bool_] = self._ids[pixels] == (box.track_id & 0xFFFF)
+        return is_its_id & _any_of(self._tags[pixels], box)
+
+
+def _any_of(tags: NDArray[np.uint16], box: LabelledBox) -> NDArray[np.bool_]:
+    """Which tags ``(N,)`` an object has; it has one or two."""
+    found = np.zeros(len(tags), np.bool_)
+    for tag in box.tags:
+        found |= tags == tag
+    return found
 
 
 def _check_amodal(
@@ -273,18 +357,20 @@ def _check_outside(
     camera: SensorCalibration,
     name: str,
     row: Mapping[str, Any],
-    box: LabelledBox,
-    centers: NDArray[np.float64],
+    skin: list[Point] | None,
+    pixels: Pixels,
     findings: Findings,
     where: dict[str, Any],
 ) -> None:
-    """``outside_px`` counts the pixels outside the silhouette; walkers and lenses have such."""
-    outside, allowed = 0, OUTSIDE_TOLERANCE_PX * int(box.is_capsule)
+    """``outside_px`` counts the pixels outside the silhouette; walkers and lenses have such.
+
+    ``skin`` is the silhouette of the box with a margin; None of what fills its box.
+    """
+    outside, allowed = 0, 0 if skin is None else OUTSIDE_TOLERANCE_PX
     if camera.bent is not None:  # whose outline is a polygon of chords
-        allowed = OUTSIDE_TOLERANCE_PX + round(CHORD_SHARE * len(centers))
-    if box.is_capsule or camera.bent is not None:
-        hull = projected_hull(camera, box, grown_m=BOX_MARGIN_M)
-        outside = int((outside_hull(camera, hull, centers) > 0.0).sum())
+        allowed = OUTSIDE_TOLERANCE_PX + round(CHORD_SHARE * len(pixels[0]))
+    if skin is not None:
+        outside = int((outside_hull(camera, skin, pixels) > 0.0).sum())
     if abs(outside - row["outside_px"]) > allowed:
         findings.add(
             "hull",

@@ -14,7 +14,7 @@ from carstage.config.fields import path_text, shortened, unknown
 from carstage.config.scene import SCENARIO_KINDS
 from carstage.config.sensors import SENSOR_KINDS
 from carstage.errors import ConfigError
-from carstage.spec import AGENT_KINDS, known_events
+from carstage.spec import AGENT_KINDS
 
 _MOST_SHOWN = 8
 #: Errors that say that a value has another shape than one alternative of several.
@@ -24,7 +24,6 @@ _TAGS = {
     "server": ("embedded", "carla", "remote", "class"),
     "scenario": SCENARIO_KINDS,
     "driver": DRIVER_KINDS,
-    "events": tuple(known_events()),
     "sensors": tuple(SENSOR_KINDS),
     "agents": AGENT_KINDS,
     "path": DRONE_PATH_KINDS,
@@ -44,7 +43,7 @@ def _clean(location: Sequence[str | int], data: Any) -> tuple[str | int, ...]:
             here = here[part] if part < len(here) else None
         elif isinstance(part, str):
             parent = path[-2] if path and isinstance(path[-1], int) and len(path) > 1 else None
-            known_tags = _TAGS.get(str(parent or (path[-1] if path else "")), ())
+            known_tags = _tags_of(str(parent or (path[-1] if path else "")))
             if part in known_tags or part.lower().startswith(_ALTERNATIVE) or part[0].isupper():
                 continue
             here = None
@@ -149,7 +148,16 @@ def _explain(details: ErrorDetails, data: Any) -> tuple[tuple[str | int, ...], s
 
 
 def _tags_at(path: Sequence[str | int]) -> tuple[str, ...]:
-    return next(_TAGS[part] for part in reversed(path) if part in _TAGS)
+    return next(tags for part in reversed(path) if (tags := _tags_of(str(part))))
+
+
+def _tags_of(key: str) -> tuple[str, ...]:
+    """Tags of the union below a key; none of other keys."""
+    if key != "events":
+        return _TAGS.get(key, ())
+    from carstage.spec.events import known_events  # few configurations have any
+
+    return tuple(known_events())
 
 
 def config_error(error: ValidationError, data: Any) -> ConfigError:

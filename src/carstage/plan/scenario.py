@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,10 +23,8 @@ from carstage.config.scene import Place as ConfiguredPlace
 from carstage.errors import ConfigError
 from carstage.geometry import FloatArray
 from carstage.spec import (
-    EVENT_SPECS,
     AutopilotSpec,
     Control,
-    EventSpec,
     OpenScenarioSpec,
     Place,
     ReplayedActor,
@@ -36,6 +35,9 @@ from carstage.spec import (
     StationarySpec,
     StoryboardSpec,
 )
+
+if TYPE_CHECKING:
+    from carstage.spec.events import EventSpec
 
 #: Recorded poses are kept to a tenth of a millimetre and of a thousandth of a degree.
 _DECIMALS = 4
@@ -186,8 +188,12 @@ def _storyboard(config: Config, recording: Storyboard) -> StoryboardSpec:
 
 def _events(events: Sequence[Event]) -> tuple[EventSpec, ...] | None:
     """None for no event, so that episodes without any keep their ids."""
+    if not events:
+        return None
+    from carstage.spec.events import EVENT_SPECS  # few episodes have any
+
     asked = (event.by_key() for event in events)
-    return tuple(EVENT_SPECS[event.pop("kind")](**event) for event in asked) or None
+    return tuple(EVENT_SPECS[event.pop("kind")](**event) for event in asked)
 
 
 def _place(place: int | ConfiguredPlace, position: int, spawn_points: int | None) -> int | Place:

@@ -40,7 +40,7 @@ from carstage.runs.servers import ServerSetup
 from carstage.runs.watching import AttemptWatch, Limits
 from carstage.sensor_kinds import plugins_of
 from carstage.server import Endpoint, Server
-from carstage.spec import EpisodeSpec, event_plugins
+from carstage.spec import EpisodeSpec
 from carstage.storage.disk import disk_error
 
 COLLECTOR_LOG = "collector.log"
@@ -298,10 +298,7 @@ class ServerWorker:
         gnss = attempt_commit.gnss
         return {
             "plan_version": 1,
-            "plugins": [
-                *plugins_of(sensor.kind for sensor in spec.streams.values()),
-                *event_plugins(spec.scenario.events),
-            ],
+            "plugins": _plugins(spec),
             "driver_folders": self._setup.driver_folders,
             "inputs_file": str((self._folder.path / INPUTS_FILE).absolute()),
             **self._setup.program,
@@ -370,3 +367,13 @@ class ServerWorker:
                     )
                 if not stopping:
                     self._host.poll()
+
+
+def _plugins(spec: EpisodeSpec) -> list[str]:
+    """Modules that the collector imports so that it knows the episode's sensors and events."""
+    of_sensors = plugins_of(sensor.kind for sensor in spec.streams.values())
+    if not spec.scenario.events:
+        return list(of_sensors)
+    from carstage.spec.events import event_plugins  # few episodes have any
+
+    return [*of_sensors, *event_plugins(spec.scenario.events)]

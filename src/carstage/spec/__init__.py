@@ -2,8 +2,12 @@
 
 Planner, collector, labels, conversion and reader share this one tree of frozen dataclasses. It is
 standard library only and runs on Python 3.8, as the collector needs it there. Storyboards have
-modules of their own, ``storyboard`` and ``story_parts``, which few episodes need.
+modules of their own, ``storyboard`` and ``story_parts``, which few episodes need; nor do many need
+those of ``events``, whose names wait until they are asked for.
 """
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from carstage.spec.agents import (
     AGENT_KINDS,
@@ -34,7 +38,6 @@ from carstage.spec.drones import (
     WaypointsSpec,
 )
 from carstage.spec.episode import SPEC_VERSION, EpisodeSpec, Seeds
-from carstage.spec.events import EVENT_SPECS, EventSpec, event_plugins, known_events
 from carstage.spec.fields import Fields, SpecError
 from carstage.spec.flash import FlashSpec
 from carstage.spec.labels import BirdsEyeSpec, GroundTruthSpec, LabelsSpec
@@ -66,6 +69,9 @@ from carstage.spec.sensors import (
 )
 from carstage.spec.timing import SavedSteps, TimingSpec
 from carstage.spec.variants import VariantSpec, is_variant_name
+
+if TYPE_CHECKING:
+    from carstage.spec.events import EVENT_SPECS, EventSpec, event_plugins, known_events
 
 __all__ = [
     "AGENT_KINDS",
@@ -137,3 +143,11 @@ __all__ = [
     "known_events",
     "stream_of",
 ]
+
+_OF_EVENTS = ("EVENT_SPECS", "EventSpec", "event_plugins", "known_events")
+
+
+def __getattr__(name: str) -> Any:
+    if name in _OF_EVENTS:
+        return getattr(import_module("carstage.spec.events"), name)
+    raise AttributeError("module %r has no attribute %r" % (__name__, name))

@@ -313,12 +313,10 @@ def event_plugins(events: Optional[Iterable[EventSpec]]) -> List[str]:
     return sorted({type(event).__module__ for event in events or () if event.collector})
 
 
-def read_events(section: Fields) -> Optional[Tuple[EventSpec, ...]]:
-    """Check and read ``events`` of a scenario; None where there are none."""
-    if "events" not in section:
-        return None
+def read_events(sections: Iterable[Fields]) -> Optional[Tuple[EventSpec, ...]]:
+    """Check and read the events of a scenario; None where there are none."""
     found: List[EventSpec] = []
-    for event in section.objects("events"):
+    for event in sections:
         known = EVENT_SPECS if event.text("kind") in EVENT_SPECS else known_events()
         found.append(known[event.text("kind", tuple(known))].read(event))
     return tuple(found) or None

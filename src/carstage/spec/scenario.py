@@ -18,13 +18,13 @@ from typing import (
 )
 
 from carstage.spec.drivers import Parameter, read_parameters
-from carstage.spec.events import EventSpec, read_events
 from carstage.spec.fields import Fields, SpecError, is_number, shown
 from carstage.spec.plain import LEFT_OUT, plain
 from carstage.spec.scene import Place
 from carstage.spec.values import Value
 
 if TYPE_CHECKING:
+    from carstage.spec.events import EventSpec
     from carstage.spec.story_parts import StoryPart
     from carstage.spec.storyboard import StoryAct, StoryEntity, Trigger
 
@@ -42,6 +42,15 @@ class Control(NamedTuple):
     hand_brake: float
     reverse: float
     gear: float
+
+
+def _events(section: Fields) -> Optional[Tuple[EventSpec, ...]]:
+    """Check and read ``events`` of a scenario; None where there are none."""
+    if "events" not in section:
+        return None
+    from carstage.spec.events import read_events  # few episodes have any
+
+    return read_events(section.objects("events"))
 
 
 class ScenarioSpec(Value):
@@ -83,7 +92,7 @@ class AutopilotSpec(ScenarioSpec):
     def read(cls, fields: Fields, steps: int) -> AutopilotSpec:
         """Check and read the section."""
         del steps
-        return cls(read_events(fields))
+        return cls(_events(fields))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -117,7 +126,7 @@ class RouteSpec(ScenarioSpec):
                 places.append(Place(place.number("x_m"), place.number("y_m")))
         if not places:
             raise SpecError("%s: is empty." % fields.path("through"))
-        return cls(tuple(places), read_events(fields))
+        return cls(tuple(places), _events(fields))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

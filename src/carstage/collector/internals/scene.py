@@ -3,7 +3,17 @@
 from __future__ import annotations
 
 from types import MappingProxyType
-from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    Callable,
+    Dict,
+    List,
+    Mapping,
+    NamedTuple,
+    Optional,
+    Sequence,
+)
 
 from carstage.collector.drivers.base import Driver
 from carstage.collector.drivers.driving import EgoDriving
@@ -15,12 +25,14 @@ from carstage.collector.patch_carriers import place_carriers, send_to_ego
 from carstage.collector.patches import PlacedPatch, place_patches
 from carstage.collector.pedestrian_rules import PedestrianRules
 from carstage.collector.scenario import Population, Scenario, make_scenario
-from carstage.collector.scenario.events import EventRunner, check_map
 from carstage.collector.sensors.rig import Rig
 from carstage.collector.timing import CLOCKS, Clock, Tick
 from carstage.collector.walking_groups import WalkingGroups
 from carstage.collector.world import WorldSession
 from carstage.spec import EpisodeSpec, stream_of
+
+if TYPE_CHECKING:
+    from carstage.collector.scenario.events import EventRunner
 
 
 class Party(NamedTuple):
@@ -74,7 +86,7 @@ class Scene:
         parties: the ego, then the agents.
         population: who was spawned.
         step_s: simulated time of a step.
-        event_runner: what happens to the ego beside the scenario.
+        event_runner: what happens to the ego beside the scenario; None: nothing.
         pedestrian_rules: stops pedestrians at kerbs.
         walking_groups: keeps those who walk together side by side.
         patches: pictures on boards.
@@ -89,7 +101,7 @@ class Scene:
         parties: Sequence[Party],
         population: Population,
         step_s: float,
-        event_runner: EventRunner,
+        event_runner: Optional[EventRunner],
         pedestrian_rules: PedestrianRules,
         walking_groups: WalkingGroups,
         patches: Sequence[PlacedPatch] = (),
@@ -119,7 +131,8 @@ class Scene:
         """
         self._session.weather.advance((tick or 0) * self._step_s)
         self._scenario.before_step(tick)
-        self._event_runner.before_step(tick)
+        if self._event_runner is not None:
+            self._event_runner.before_step(tick)
         self._pedestrian_rules.before_step()
         self._walking_groups.before_step()
         for party in self._parties:
@@ -132,8 +145,9 @@ class Scene:
 
     def event_states(self) -> Optional[List[Dict[str, Any]]]:
         """How the planned events stood in the last step; None: none are planned."""
-        states = self._event_runner.states()
-        return self._scenario.event_states() if states is None else states
+        if self._event_runner is None:
+            return self._scenario.event_states()
+        return self._event_runner.states()
 
     def command(self) -> Optional[List[Any]]:
         """What the ego's driver commanded for the last step; None: it has none of its own."""
@@ -202,7 +216,10 @@ def build_scene(
         SceneError: the server cannot make the planned scene.
     """
     check()
-    check_map(spec, session.map)
+    if spec.scenario.events:
+        from carstage.collector.scenario.events import check_map
+
+        check_map(spec, session.map)
     scenario = make_scenario(client, session, spec, server, program)
     population = scenario.populate(check)
     check()
@@ -228,9 +245,7 @@ def build_scene(
             carrier = parties[number].actor
             flight = DroneFlight(session, agent.drone, carrier, population.ego, spec.step_s)
             parties[number] = parties[number]._replace(flight=flight)
-    event_runner = EventRunner(
-        session, spec, population, server.traffic_manager_port, scenario.driven_gently()
-    )
+    event_runner = _event_runner(session, spec, population, server, scenario)
     rules = PedestrianRules(session, walkers, spec.step_s)
     groups = WalkingGroups(session, walkers, spec.step_s, rules)
     patches = place_patches(session, spec, population, carriers)
@@ -238,6 +253,22 @@ def build_scene(
         session, clock, scenario, parties, population, spec.step_s, event_runner, rules, groups,
         patches, resting,
     )  # fmt: skip
+
+
+def _event_runner(
+    session: WorldSession,
+    spec: EpisodeSpec,
+    population: Population,
+    server: ServerPlan,
+    scenario: Scenario,
+) -> Optional[EventRunner]:
+    """What makes the planned events happen; None where there are none."""
+    if not spec.scenario.events:
+        return None
+    from carstage.collector.scenario.events import EventRunner
+
+    port = server.traffic_manager_port
+    return EventRunner(session, spec, population, port, scenario.driven_gently())
 
 
 def _party(

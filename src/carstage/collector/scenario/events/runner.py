@@ -68,10 +68,8 @@ class EventRunner:
             event.step()
         self._world.send()
 
-    def states(self) -> Optional[List[Dict[str, Any]]]:
-        """One object for each planned event; None where there is none."""
-        if not self._events:
-            return None
+    def states(self) -> List[Dict[str, Any]]:
+        """One object for each planned event."""
         return [
             {
                 "state": event.state,

@@ -248,7 +248,7 @@ def add_rear(builder: ShapeBuilder, body: CarBody, plate: str) -> None:
     """Add lamps, lid, bumper and number plate of the rear."""
     s, f = body.shape, body.frame
     dark = Material.PLASTIC_DARK
-    y0, _, z0, z1 = s.tail_lamp
+    y0, _, z0, _ = s.tail_lamp
     add_rear_glass(builder, body)
     floor = body.floor(-1.0) / f.height
     bumper = max(s.clearance + 0.17, floor + 0.115)
@@ -279,7 +279,7 @@ def add_rear(builder: ShapeBuilder, body: CarBody, plate: str) -> None:
     add_tail_lamps(builder, body)
     for sign in (-1.0, 1.0):
         seam = (y0 + 0.03 if y0 else 0.64) if s.boot else 0.93
-        lid = [(sign * seam, lid_from, z0 if s.boot else z1 + 0.02)]
+        lid = [(sign * seam, lid_from, z0)]
         lid.append((sign * (seam + 0.012), *lid[0][1:]))
         body.panel(builder, _REAR, lid, dark, raised=0.004)
         glint = [(sign * u, bumper - 0.045, bumper - 0.020) for u in (0.66, 0.86)]
@@ -299,7 +299,7 @@ def _add_ledge(builder: ShapeBuilder, body: CarBody, floor: float, top: float) -
     share, depth = np.array(_LEDGE).T
     z = (floor + share * (top - floor)) * body.frame.height
     beyond = np.maximum(np.abs(columns) - 1.0, 0.0)
-    fade = np.clip((0.36 - beyond) / 0.10, 0.0, 1.0)
+    fade = np.clip((0.36 - beyond) / 0.32, 0.0, 1.0)
     points = np.empty((len(z), len(columns), 3))
     for k, u in enumerate(columns):
         x = -1.0 + beyond[k] * body.frame.half_width / body.frame.half_length

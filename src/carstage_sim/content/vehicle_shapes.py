@@ -322,7 +322,12 @@ _OWN: dict[str, dict[str, Any]] = {
         "tail_lamp": (0.62, 0.96, 0.48, 0.61),
     },
     "lincoln.mkz_2020": {"tails": Tails.STRIP, "tail_lamp": (0.0, 1.0, 0.53, 0.57)},
-    "nissan.patrol_2021": {"bars": Bars.VEE, "tumblehome": 0.24},
+    "nissan.patrol_2021": {
+        "bars": Bars.VEE,
+        "tumblehome": 0.24,
+        "tail_lamp": (0.56, 1.16, 0.475, 0.59),
+        "tails": Tails.SWEPT,
+    },
     "nissan.micra": {"grille": (0.39, 0.455, 0.36), "bars": Bars.ACROSS},
     "tesla.model3": {"grille": None, "intake": (0.15, 0.25, 0.66)},
     "toyota.prius": {"grille": (0.43, 0.475, 0.36), "intake": (0.16, 0.32, 0.62)},

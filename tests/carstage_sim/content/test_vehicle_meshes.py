@@ -153,12 +153,16 @@ def test_lorries_and_buses_have_upright_mirrors_and_wheels_without_spokes():
         assert np.ptp(mirror[..., 2]) > 3.0 * np.ptp(mirror[..., 0])
 
 
-@pytest.mark.parametrize("name", ["seat.leon", "mini.cooper_s", "nissan.patrol_2021", "audi.etron"])
-def test_the_tailgate_of_a_hatch_or_suv_has_a_dark_window_half_way_up(name):
+@pytest.mark.parametrize(
+    ("name", "sheet"),  # where it is bare, between strips and lamps
+    [("seat.leon", 0.55), ("mini.cooper_s", 0.55), ("nissan.patrol_2021", 0.57),
+     ("audi.etron", 0.55)],
+)  # fmt: skip
+def test_the_tailgate_of_a_hatch_or_suv_has_a_dark_window_half_way_up(name, sheet):
     mesh = mesh_of(catalogue()[f"vehicle.{name}"])
     corners = mesh.vertices[mesh.triangles].astype(np.float64)
     low, high = mesh.bounds.astype(np.float64)
-    for share, material in ((0.55, Material.PAINT), (0.74, Material.GLASS_TINTED),
+    for share, material in ((sheet, Material.PAINT), (0.74, Material.GLASS_TINTED),
                             (0.86, Material.GLASS_TINTED)):  # fmt: skip
         behind = np.array([low[0] - 5.0, 0.21, share * high[2]])
         assert mesh.material[first_triangle(corners, behind, 1.0)] == material, share

@@ -234,6 +234,10 @@ class Server:
     def _serve(self, event: Event) -> None:
         if isinstance(event, Disconnected):
             self._session.traffic_managers.drop_owner(event.connection)
+            # Its tick waits for pictures perhaps: it might be made in the next client's episode.
+            self._tick_requests[:] = [
+                one for one in self._tick_requests if one.call.connection is not event.connection
+            ]
             self._tidy_up_soon()
             if self._owners.left(event.connection):
                 self._after(_RELEASE_AFTER_S, self._release)

@@ -32,9 +32,13 @@ class RawClient:
     ) -> None:
         self.socket.close()
 
-    def call(self, name: str, *arguments: Any) -> tuple[Any, Any]:
+    def send(self, name: str, *arguments: Any) -> None:
+        """Send a request whose answer nobody waits for yet."""
         self._id += 1
         self.socket.sendall(msgpack.packb([0, self._id, name, [[False], *arguments]]))
+
+    def call(self, name: str, *arguments: Any) -> tuple[Any, Any]:
+        self.send(name, *arguments)
         while True:
             for message in self._unpacker:
                 kind, message_id, error, result = message

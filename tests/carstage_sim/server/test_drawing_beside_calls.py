@@ -23,6 +23,9 @@ from waiting import await_that, holds_for
 
 pytestmark = pytest.mark.xdist_group("kernels")
 
+PORT = 8000
+"""Where a Traffic Manager is said to listen; none does."""
+
 
 @pytest.fixture
 def light_gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[Gate]:
@@ -66,6 +69,23 @@ def test_calls_are_answered_while_a_picture_is_drawn_and_the_next_tick_waits_for
     await_that(lambda: second() == first + 1)
     assert [frame_of(read_message(stream)) for _ in range(2)] == [first, first + 1]
     assert {name.partition("_")[0] for name in gate.threads} == {"drawing"}
+
+
+def test_a_tick_of_a_client_that_is_gone_is_not_made_when_the_picture_is_drawn(
+    rig: Rig, gate: Gate
+) -> None:
+    """The next client may have loaded a map by then, and its episode would begin a step later."""
+    rig.subscribed(rig.camera)
+    gate.open.clear()
+    first = rig.client.value("tick_cue")
+    await_that(lambda: gate.came == 1)
+    rig.other.value("add_traffic_manager_running", ["127.0.0.1", PORT])
+    rig.other.send("tick_cue")
+    rig.other.socket.close()
+    await_that(lambda: rig.client.value("is_traffic_manager_running", PORT) is False)
+    gate.open.set()
+    assert holds_for(0.3, lambda: gate.came == 1)
+    assert rig.client.value("tick_cue") == first + 1
 
 
 def test_sensors_that_look_at_nothing_are_measured_while_a_picture_is_drawn(

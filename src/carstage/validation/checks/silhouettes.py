@@ -226,12 +226,12 @@ def check_silhouettes(
     if not known or not camera.is_projective:
         return
     hulls = projected_hulls(camera, [box for _, box in known])
-    # Arms and legs leave a walker's capsule, and skins differ by their roundings.
+    # Arms and legs leave a walker's capsule; `outside_px` counts beyond a box with a margin.
     counted = [box for row, box in known if row["visible_px"] and row.get("outside_px") is not None]
     capsules = [box for box in counted if box.is_capsule]
     bodies = _by_track(capsules, projected_hulls(camera, capsules, grown_m=BODY_REACH_M))
-    of_skins = counted if camera.bent is not None else capsules
-    skins = _by_track(of_skins, projected_hulls(camera, of_skins, grown_m=BOX_MARGIN_M))
+    left = counted if camera.bent is not None else capsules
+    grown = _by_track(left, projected_hulls(camera, left, grown_m=BOX_MARGIN_M))
     codes = None if instance is None else InstancePixels(instance)
     for (row, box), hull in zip(known, hulls, strict=True):
         name = f"object {row['track_id']}"
@@ -254,8 +254,7 @@ def check_silhouettes(
         if own is None:
             continue
         if row.get("outside_px") is not None:
-            skin = skins.get(box.track_id)
-            _check_outside(camera, name, row, skin, own, findings, where)
+            _check_outside(camera, name, row, grown.get(box.track_id), own, findings, where)
             hull = bodies.get(box.track_id, hull)
         beyond = outside_hull(camera, hull, own)
         outside, count = int((beyond > HULL_MARGIN_PX).sum()), len(beyond)
@@ -357,20 +356,20 @@ def _check_outside(
     camera: SensorCalibration,
     name: str,
     row: Mapping[str, Any],
-    skin: list[Point] | None,
+    grown: list[Point] | None,
     pixels: Pixels,
     findings: Findings,
     where: dict[str, Any],
 ) -> None:
     """``outside_px`` counts the pixels outside the silhouette; walkers and lenses have such.
 
-    ``skin`` is the silhouette of the box with a margin; None of what fills its box.
+    ``grown`` is the silhouette of the box with a margin; None where no pixel can leave the box.
     """
-    outside, allowed = 0, 0 if skin is None else OUTSIDE_TOLERANCE_PX
+    outside, allowed = 0, 0 if grown is None else OUTSIDE_TOLERANCE_PX
     if camera.bent is not None:  # whose outline is a polygon of chords
         allowed = OUTSIDE_TOLERANCE_PX + round(CHORD_SHARE * len(pixels[0]))
-    if skin is not None:
-        outside = int((outside_hull(camera, skin, pixels) > 0.0).sum())
+    if grown is not None:
+        outside = int((outside_hull(camera, grown, pixels) > 0.0).sum())
     if abs(outside - row["outside_px"]) > allowed:
         findings.add(
             "hull",

@@ -32,7 +32,6 @@ from carstage import Dataset
 from carstage.annotation.tracks import FIRST_RIDER
 from carstage.bench.calibration import slowness
 from carstage.bench.verdict import Figure, Verdict
-from carstage.conversion.worker import keep_memory
 from carstage.dataset import Frame
 from carstage.occupancy import (
     Occupancy,
@@ -45,6 +44,7 @@ from carstage.occupancy import (
     surface,
     unpack_occupancy,
 )
+from carstage.processes.worker import keep_memory
 from carstage.spec import OccupancySpec
 from carstage.tags import TAGS_0_9_14
 from carstage_sim.cache import cache_folder

@@ -74,7 +74,6 @@ print(json.dumps(found))
 _CONVERT = """
 import json, shutil, sys, time
 from pathlib import Path
-from carstage.conversion.pool import load_libraries
 from carstage.conversion.segment import encode_segment
 from carstage.conversion.sensors import RecordedSensor
 
@@ -83,7 +82,11 @@ try:
     from carstage.storage import FolderFiles as into
 except ImportError:  # of a version before
     into = Path
-load_libraries(pictures=True)
+try:
+    from carstage.conversion.libraries import import_libraries
+except ImportError:  # of a version before
+    from carstage.conversion.pool import import_libraries
+import_libraries(pictures=True)
 sensors = [RecordedSensor("CAM", "rgb", "png"), RecordedSensor("LIDAR", "lidar", "bin")]
 for repeat in range(1 + repeats):  # the first one warms up
     if repeat == 1:

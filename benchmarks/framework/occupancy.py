@@ -25,7 +25,6 @@ from carstage.bench.calibration import slowness
 from carstage.bench.verdict import Figure, Verdict
 from carstage.birds_eye import CameraView, Cloud
 from carstage.codecs.semantic_points import points_xyz
-from carstage.conversion.worker import keep_memory
 from carstage.dataset import Episode, Frame
 from carstage.occupancy import (
     Occupancy,
@@ -36,6 +35,7 @@ from carstage.occupancy import (
     pack_occupancy,
 )
 from carstage.occupancy.gathering import Gathering
+from carstage.processes.worker import keep_memory
 from carstage.sensor_kinds.columns import Instance
 from carstage.sensor_kinds.model import CLOUDS
 from carstage.spec.sensors import EGO

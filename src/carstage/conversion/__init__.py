@@ -1,8 +1,8 @@
 """From a raw log to the files of a dataset: sensor files, label tables, ledger.
 
 ``EpisodeConversion`` turns one recorded attempt into one folder of files, segment by segment, in
-the processes of ``conversion_pool``. What is listed here is imported when it is first used: the
-pool's processes load their libraries in a cheaper way than one import after the other.
+the processes of a ``carstage.processes.ProcessPool``. What is listed here is imported when it is
+first used: those processes load their libraries in a cheaper way than one import after the other.
 """
 
 from __future__ import annotations
@@ -14,22 +14,14 @@ from carstage.lazy import lazy_names
 if TYPE_CHECKING:
     from carstage.conversion.episode import EpisodeConversion
     from carstage.conversion.fleet import FleetConversion
-    from carstage.conversion.pool import (
-        BrokenPoolError,
-        ConversionPool,
-        conversion_pool,
-        load_libraries,
-    )
+    from carstage.conversion.libraries import import_libraries
     from carstage.conversion.thread_first import ThreadFirst
 
 __all__ = [
-    "BrokenPoolError",
-    "ConversionPool",
     "EpisodeConversion",
     "FleetConversion",
     "ThreadFirst",
-    "conversion_pool",
-    "load_libraries",
+    "import_libraries",
 ]
 
 __getattr__ = lazy_names(
@@ -37,7 +29,7 @@ __getattr__ = lazy_names(
     {
         "episode": "EpisodeConversion",
         "fleet": "FleetConversion",
-        "pool": "BrokenPoolError ConversionPool conversion_pool load_libraries",
+        "libraries": "import_libraries",
         "thread_first": "ThreadFirst",
     },
 )

@@ -67,7 +67,7 @@ class EpisodeConversion:
     Args:
         raw_folder: folder of the attempt's raw log.
         attempt_files: receives the files.
-        pool: where the work is done, see ``conversion_pool``; the caller shuts it down.
+        pool: where the work is done, see ``process_pool``; the caller shuts it down.
         codecs: name of the codec by sensor id, where it is not the default of the sensor's kind.
         progress: called whenever some work is done, well or not; from any thread.
         left_s: seconds for which work that is to be dropped may be waited for.

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from typing import Any, Final, ParamSpec, TypeVar
 
-from carstage.conversion.pool import BrokenPoolError, ConversionPool, import_libraries
-from carstage.conversion.worker import NICENESS
+from carstage.conversion.libraries import import_libraries
+from carstage.processes import NICENESS, BrokenPoolError, ProcessPool
 
 _Parameters = ParamSpec("_Parameters")
 _Result = TypeVar("_Result")
@@ -37,15 +37,13 @@ class ThreadFirst(Executor):
         most_waiting: tasks in the thread's queue, the one under way included.
     """
 
-    def __init__(
-        self, start: Callable[[], ConversionPool], most_waiting: int = MOST_WAITING
-    ) -> None:
+    def __init__(self, start: Callable[[], ProcessPool], most_waiting: int = MOST_WAITING) -> None:
         self._start = start
         self._most_waiting = most_waiting
         # Entered again by a task that is done before somebody asks to be told.
         self._lock = threading.RLock()
         self._waiting = 0
-        self._processes: ConversionPool | None = None
+        self._processes: ProcessPool | None = None
         self._thread = ThreadPoolExecutor(1, "conversion", initializer=_lower_priority)
         self._thread.submit(import_libraries, pictures=False)
 
@@ -75,7 +73,7 @@ class ThreadFirst(Executor):
             return task
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """See ``ConversionPool.shutdown``."""
+        """See ``ProcessPool.shutdown``."""
         self._thread.shutdown(wait, cancel_futures=cancel_futures)
         if self._processes is not None:
             self._processes.shutdown(wait, cancel_futures=cancel_futures)

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 from carstage import __version__
-from carstage.conversion import conversion_pool
 from carstage.dataset import Dataset, Episode
 from carstage.dataset.saved_frames import Damage, EpisodeFrames
 from carstage.errors import BadInputError, ExportError
@@ -26,6 +25,7 @@ from carstage.exporters.remote_target import check_remote_target, remote_folder
 from carstage.exporters.splits import ExportSplits, Split, splits_of_export
 from carstage.exporters.target import check_target, export_folder, write_document
 from carstage.exporters.variants import episode_entries
+from carstage.processes import process_pool
 from carstage.storage import DatasetPath, RemotePath, dataset_root
 from carstage.storage.marker import CommitMarker
 from carstage.validation import Problem
@@ -253,7 +253,7 @@ def _write(
 
 @contextmanager
 def _pool(workers: int | None) -> Iterator[Executor]:
-    pool = conversion_pool(workers)
+    pool = process_pool(workers)
     try:
         yield pool
     except BrokenExecutor as error:

@@ -7,7 +7,8 @@ from functools import partial
 from typing import Literal
 
 from carstage.config import Config
-from carstage.conversion import ConversionPool, ThreadFirst, conversion_pool, load_libraries
+from carstage.conversion import ThreadFirst, import_libraries
+from carstage.processes import ProcessPool, process_pool
 
 _MOST_AUTO = 8
 """This many encode 300 pictures/s."""
@@ -31,10 +32,10 @@ class Converters:
         self._workers = min(cores, _MOST_AUTO) if workers == "auto" else workers
         self._pictures = pictures
         self._light = light
-        self._pool: ConversionPool | ThreadFirst | None = None
-        self._retired: list[ConversionPool | ThreadFirst] = []
+        self._pool: ProcessPool | ThreadFirst | None = None
+        self._retired: list[ProcessPool | ThreadFirst] = []
 
-    def pool(self) -> ConversionPool | ThreadFirst:
+    def pool(self) -> ProcessPool | ThreadFirst:
         """The pool that takes work now; its libraries begin to load with the first call."""
         if self._pool is None:
             start = partial(start_pool, self._workers, self._pictures)
@@ -73,6 +74,6 @@ def is_light(config: Config) -> bool:
     return not (made or config.labels.occupancy or config.labels.birds_eye)
 
 
-def start_pool(workers: int, pictures: bool) -> ConversionPool:
+def start_pool(workers: int, pictures: bool) -> ProcessPool:
     """Converters whose libraries begin to load at once; there are as many as the work needs."""
-    return conversion_pool(workers, preload=(load_libraries, (pictures,)))
+    return process_pool(workers, preload=(import_libraries, (pictures,)))

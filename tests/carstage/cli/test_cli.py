@@ -92,7 +92,7 @@ def test_a_run_of_a_lidar_loads_nothing_that_others_need() -> None:
     code = (
         "import sys, carstage.cli.app, carstage.cli.progress\n"
         "from carstage.config import parse_config\n"
-        "from carstage.conversion.pool import import_libraries\n"
+        "from carstage.conversion.libraries import import_libraries\n"
         "from carstage.runs import run\n"
         "parse_config('{rig: {sensors: [{id: TOP, kind: lidar}]}, labels: {cameras: []}}')\n"
         "import_libraries(pictures=False)\n"

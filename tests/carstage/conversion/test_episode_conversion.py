@@ -28,7 +28,7 @@ import analytic_dataset
 import analytic_scene
 from analytic_dataset import convert
 from carstage.annotation.schema import EGO_COLUMNS, frame_tables
-from carstage.conversion import EpisodeConversion, conversion_pool
+from carstage.conversion import EpisodeConversion
 from carstage.conversion.documents import ledger_table
 from carstage.conversion.encoded import parts_folder
 from carstage.conversion.segment import label_segment, read_label_part, rows_to_table
@@ -37,6 +37,7 @@ from carstage.conversion.town import Town
 from carstage.conversion.whole_episode import write_episode
 from carstage.dataset.tables import read_table
 from carstage.errors import BadInputError, ConversionError, RawLogError
+from carstage.processes import process_pool
 from carstage.rawlog.reader import EpisodeLog
 from carstage.spec import EpisodeSpec
 from carstage.storage import FolderFiles
@@ -190,7 +191,7 @@ def test_what_could_not_be_converted_stays(raw: Path, tmp_path: Path) -> None:
 
 def test_another_attempt_in_processes_gives_the_same_bytes(converted: Path, tmp_path: Path) -> None:
     analytic_scene.write_raw_log(tmp_path / "raw", attempt="a7")
-    with conversion_pool(2) as pool:
+    with process_pool(2) as pool:
         EpisodeConversion(tmp_path / "raw", FolderFiles(tmp_path / "a7"), pool).finish()
     assert contents(tmp_path / "a7") == contents(converted)
 
@@ -396,7 +397,7 @@ def test_cancelling_after_the_end_leaves_the_files_to_the_store(raw: Path, tmp_p
 def test_cancelling_does_not_wait_for_what_a_killed_pool_never_began(
     raw: Path, tmp_path: Path
 ) -> None:
-    pool = conversion_pool(1)
+    pool = process_pool(1)
     pool.submit(time.sleep, 60)
     conversion = EpisodeConversion(raw, FolderFiles(tmp_path / "out"), pool)
     conversion.scan()

@@ -12,9 +12,9 @@ from concurrent.futures import BrokenExecutor
 
 import pytest
 
-from carstage.conversion import ConversionPool, ThreadFirst, conversion_pool
-from carstage.conversion.worker import NICENESS
+from carstage.conversion import ThreadFirst
 from carstage.errors import ConfigError
+from carstage.processes import NICENESS, ProcessPool, process_pool
 from waiting import await_that
 
 _DEADLINE_S = 30.0
@@ -26,9 +26,9 @@ class Started:
     def __init__(self) -> None:
         self.count = 0
 
-    def __call__(self) -> ConversionPool:
+    def __call__(self) -> ProcessPool:
         self.count += 1
-        return conversion_pool(1)
+        return process_pool(1)
 
 
 @pytest.fixture

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from carstage.config import parse_config
-from carstage.conversion import ConversionPool, ThreadFirst
+from carstage.conversion import ThreadFirst
+from carstage.processes import ProcessPool
 from carstage.runs.converters import Converters, is_light
 
 RIG = "rig: {sensors: [{id: A, kind: %s, pose: {z: 2.0}}, {id: B, kind: %s, pose: {z: 3.0}}]}\n"
@@ -35,7 +36,7 @@ def test_pictures_of_a_variant_are_not_light() -> None:
     assert not is_light(parse_config(RIG % ("lidar", "imu") + "labels: {cameras: []}\n" + variants))
 
 
-@pytest.mark.parametrize(("light", "kind"), [(True, ThreadFirst), (False, ConversionPool)])
+@pytest.mark.parametrize(("light", "kind"), [(True, ThreadFirst), (False, ProcessPool)])
 def test_light_data_are_converted_in_a_thread(light: bool, kind: type) -> None:
     converters = Converters(1, pictures=False, light=light)
     try:

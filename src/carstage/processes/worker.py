@@ -1,6 +1,6 @@
-"""The processes of the conversion pool: workers, and the one that they are forked from.
+"""The processes of a pool: workers, and the one that they are forked from.
 
-The first is started by ``conversion_pool`` and imports neither the caller's main module nor
+The first is started by ``process_pool`` and imports neither the caller's main module nor
 ``multiprocessing``, so a script needs no ``if __name__ == "__main__"``. It loads what workers need
 once, and is forked for each: a worker costs milliseconds, and shares the memory of its libraries.
 It has one thread, which is what makes forking safe. A worker takes one task after another from a
@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import ctypes
 import errno
+import gc
 import os
 import pickle
 import select
@@ -37,7 +38,7 @@ ENVIRONMENT: Final = {
 }
 """No library starts a thread: of a process with several, a fork may inherit a lock that is held."""
 NICENESS: Final = 5
-"""Of what converts, beside the simulator."""
+"""Of what works beside the simulator."""
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
 _LARGEST_KEPT_BYTES = 32 << 20
 """As much as the allocator allows."""
@@ -67,7 +68,12 @@ def fork_workers(descriptor: int) -> NoReturn:
     with socket.socket(fileno=descriptor) as control:
         (size,) = LENGTH.unpack(_received(control, LENGTH.size))
         function, arguments = pickle.loads(_received(control, size))
+        # What an import makes stays; looking through it for garbage again and again is a third of
+        # the time.
+        gc.disable()
         function(*arguments)
+        gc.freeze()
+        gc.enable()
         children: list[int] = []
         while True:
             command, descriptors, _, _ = socket.recv_fds(control, 1, 1)

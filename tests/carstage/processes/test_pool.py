@@ -15,17 +15,18 @@ from pathlib import Path
 import psutil
 import pytest
 
-from carstage.conversion import conversion_pool, load_libraries
+from carstage.conversion import import_libraries
 from carstage.errors import ConfigError
+from carstage.processes import process_pool
 from waiting import await_that
 
 _DEADLINE_S = 30.0
 _PARENT = """
 import os, sys, time
 from concurrent.futures import wait
-from carstage.conversion import conversion_pool
+from carstage.processes import process_pool
 
-pool = conversion_pool(2)
+pool = process_pool(2)
 for _ in sys.stdin:
     wait([pool.submit(time.sleep, 0.1) for _ in range(2)])
     print(*sorted({pool.submit(os.getpid).result() for _ in range(20)}), flush=True)
@@ -76,8 +77,8 @@ def test_workers_ignore_an_interrupt_and_die_with_their_parent(
 
 @pytest.mark.parametrize("pictures", [True, False])
 def test_workers_load_what_a_segment_needs_before_there_is_one(pictures: bool) -> None:
-    with conversion_pool(1) as pool:
-        assert pool.submit(load_libraries, pictures).result(_DEADLINE_S) is None
+    with process_pool(1) as pool:
+        assert pool.submit(import_libraries, pictures).result(_DEADLINE_S) is None
         assert pool.submit(_has, "carstage.conversion.segment").result(_DEADLINE_S)
         kernel = "carstage.annotation.pixel_kernel"
         assert pool.submit(_has, kernel).result(_DEADLINE_S) is pictures
@@ -86,8 +87,8 @@ def test_workers_load_what_a_segment_needs_before_there_is_one(pictures: bool) -
 
 @pytest.mark.parametrize("pictures", [True, False])
 def test_libraries_are_loaded_once_by_a_process_without_threads(pictures: bool) -> None:
-    preload = (load_libraries, (pictures,))
-    with conversion_pool(3, preload=preload) as pool:
+    preload = (import_libraries, (pictures,))
+    with process_pool(3, preload=preload) as pool:
         sleeping = [pool.submit(time.sleep, 0.2) for _ in range(3)]
         assert all(task.result(_DEADLINE_S) is None for task in sleeping)
         parents = {pool.submit(os.getppid).result(_DEADLINE_S) for _ in range(9)}
@@ -102,14 +103,14 @@ def test_libraries_are_loaded_once_by_a_process_without_threads(pictures: bool) 
 
 
 def test_pool_forks_no_more_workers_than_work_needs() -> None:
-    with conversion_pool(8) as pool:
+    with process_pool(8) as pool:
         pids = {pool.submit(os.getpid).result(_DEADLINE_S) for _ in range(20)}
         (parent,) = {pool.submit(os.getppid).result(_DEADLINE_S)}
         assert len(pids) == len(psutil.Process(parent).children()) <= 2
 
 
 def test_a_pool_whose_libraries_cannot_be_loaded_refuses_work() -> None:
-    with conversion_pool(2, preload=(_raise, (ValueError("no such library"),))) as pool:
+    with process_pool(2, preload=(_raise, (ValueError("no such library"),))) as pool:
         with pytest.raises(BrokenExecutor):
             pool.submit(os.getpid).result(_DEADLINE_S)
         with pytest.raises(BrokenExecutor):
@@ -117,7 +118,7 @@ def test_a_pool_whose_libraries_cannot_be_loaded_refuses_work() -> None:
 
 
 def test_killing_a_pool_that_still_loads_does_not_wait() -> None:
-    pool = conversion_pool(1, preload=(time.sleep, (_DEADLINE_S,)))
+    pool = process_pool(1, preload=(time.sleep, (_DEADLINE_S,)))
     waiting = pool.submit(os.getpid)
     await_that(waiting.running)
     began = time.monotonic()
@@ -128,7 +129,7 @@ def test_killing_a_pool_that_still_loads_does_not_wait() -> None:
 
 
 def test_workers_end_with_the_process_that_they_are_forked_from() -> None:
-    with conversion_pool(2) as pool:
+    with process_pool(2) as pool:
         worker = psutil.Process(pool.submit(os.getpid).result(_DEADLINE_S))
         sleeping = pool.submit(time.sleep, _DEADLINE_S)
         await_that(sleeping.running)
@@ -140,7 +141,7 @@ def test_workers_end_with_the_process_that_they_are_forked_from() -> None:
 
 
 def test_killing_ends_tasks_in_the_middle_and_begins_no_other() -> None:
-    pool = conversion_pool(1)
+    pool = process_pool(1)
     pid = pool.submit(os.getpid).result(_DEADLINE_S)
     sleeping, queued = (pool.submit(time.sleep, _DEADLINE_S) for _ in range(2))
     await_that(sleeping.running)
@@ -154,7 +155,7 @@ def test_killing_ends_tasks_in_the_middle_and_begins_no_other() -> None:
 
 
 def test_worker_that_dies_breaks_the_pool_and_ends_the_others() -> None:
-    with conversion_pool(2) as pool:
+    with process_pool(2) as pool:
         sleeping = pool.submit(time.sleep, _DEADLINE_S)
         with pytest.raises(BrokenExecutor):
             pool.submit(os._exit, 1).result()
@@ -165,7 +166,7 @@ def test_worker_that_dies_breaks_the_pool_and_ends_the_others() -> None:
 
 
 def test_error_of_a_task_is_raised_with_the_place_where_it_happened() -> None:
-    with conversion_pool(1) as pool:
+    with process_pool(1) as pool:
         with pytest.raises(ConfigError, match="a: wrong") as caught:
             pool.submit(_raise, ConfigError("a: wrong", "hint", ((("a",), "wrong", ""),))).result()
         assert caught.value.problems == ((("a",), "wrong", ""),)
@@ -177,9 +178,9 @@ def test_error_of_a_task_is_raised_with_the_place_where_it_happened() -> None:
 
 def test_task_that_is_defined_in_the_program_itself_is_refused_with_a_way_out() -> None:
     program = (
-        "from carstage.conversion import conversion_pool\n"
+        "from carstage.processes import process_pool\n"
         "def task(): pass\n"
-        "with conversion_pool(1) as pool:\n"
+        "with process_pool(1) as pool:\n"
         "    error = pool.submit(task).exception()\n"
         "    print(type(error).__name__, error.hint, pool.submit(len, 'abc').result())\n"
     )
@@ -202,8 +203,8 @@ def test_what_only_some_labels_need_is_loaded_for_pictures_alone() -> None:
     wanted = f"{{*{[f'carstage.{name}' for name in some]}, 'PIL'}}"
     for pictures in (True, False):
         program = (
-            "import sys; from carstage.conversion import load_libraries; "
-            f"load_libraries({pictures}); print(*{wanted} & {{*sys.modules}})"
+            "import sys; from carstage.conversion import import_libraries; "
+            f"import_libraries({pictures}); print(*{wanted} & {{*sys.modules}})"
         )
         ended = subprocess.run(
             [sys.executable, "-c", program], capture_output=True, text=True, check=True

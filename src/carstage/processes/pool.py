@@ -1,4 +1,4 @@
-"""The processes that convert: few threads each, deaf to Ctrl-C, gone when their caller is gone.
+"""Processes that work: few threads each, deaf to Ctrl-C, gone when their caller is gone.
 
 ``concurrent.futures.ProcessPoolExecutor`` is not used: its processes import the caller's main
 module, so that a script without ``if __name__ == "__main__"`` would start itself again and again,
@@ -7,8 +7,6 @@ and a program on standard input could not use it at all.
 
 from __future__ import annotations
 
-import gc
-import importlib
 import os
 import pickle
 import signal
@@ -22,15 +20,14 @@ from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecu
 from contextlib import suppress
 from typing import Any, ParamSpec, TypeVar
 
-from carstage.conversion.worker import ENVIRONMENT, FORK, FORKED, KILL, LENGTH
-from carstage.lazy import keep_pandas_lazy
+from carstage.processes.worker import ENVIRONMENT, FORK, FORKED, KILL, LENGTH
 
 _Parameters = ParamSpec("_Parameters")
 _Result = TypeVar("_Result")
 
 _PROGRAM = (
     "import sys; sys.path[:] = sys.argv[2:]; "
-    "from carstage.conversion.worker import fork_workers; fork_workers(int(sys.argv[1]))"
+    "from carstage.processes.worker import fork_workers; fork_workers(int(sys.argv[1]))"
 )
 """Modules are looked for where the caller looks for them, and nowhere before that is known."""
 
@@ -50,8 +47,8 @@ Preload = tuple[Callable[..., object], tuple[Any, ...]]
 """A function and its arguments; both can be pickled."""
 
 
-def conversion_pool(workers: int | None = None, *, preload: Preload = (bool, ())) -> ConversionPool:
-    """Processes for ``EpisodeConversion``; the caller shuts the executor down.
+def process_pool(workers: int | None = None, *, preload: Preload = (bool, ())) -> ProcessPool:
+    """Processes for tasks of Python code; the caller shuts the executor down.
 
     One process is started at once, as a program of its own: it is not forked from the caller, who
     may have threads, and never imports the caller's main module. It calls ``preload``, and the
@@ -65,46 +62,11 @@ def conversion_pool(workers: int | None = None, *, preload: Preload = (bool, ())
         preload: called once, before the first task: what it imports, no worker has to. It must
             start no thread.
     """
-    return ConversionPool(workers or len(os.sched_getaffinity(0)), preload)
+    return ProcessPool(workers or len(os.sched_getaffinity(0)), preload)
 
 
-def load_libraries(pictures: bool) -> None:
-    """In a process that is only for converting: :func:`import_libraries`, in less time."""
-    # What is made by an import stays; looking through it for garbage again and again is a third
-    # of the time.
-    gc.disable()
-    try:
-        import_libraries(pictures)
-    finally:
-        gc.freeze()
-        gc.enable()
-
-
-def import_libraries(pictures: bool) -> None:
-    """Import what work on a segment needs; with pictures, encode one: up to two seconds.
-
-    Args:
-        pictures: also what only pictures need, which is more than half of it.
-    """
-    # Not before this is called: the supervisor needs none of it.
-    for name in ("whole_episode", "work"):
-        importlib.import_module(f"carstage.conversion.{name}")
-    for name in ("carstage.codecs.points", "carstage.files.streaming"):
-        importlib.import_module(name)
-    keep_pandas_lazy()
-    if pictures:
-        for name in ("birds_eye", "disparity", "flash_lidar", "lane_lines", "patches"):
-            importlib.import_module(f"carstage.conversion.{name}")
-        from carstage.codecs.images import RgbRunsPng
-
-        for name in ("camera_rows", "object_rows", "pixel_kernel"):
-            importlib.import_module(f"carstage.annotation.{name}")
-        # The first call of compiled code takes as long as the imports.
-        RgbRunsPng().encode({"width": 1, "height": 1}, memoryview(bytes(4)))
-
-
-class ConversionPool(Executor):
-    """What :func:`conversion_pool` gives.
+class ProcessPool(Executor):
+    """What :func:`process_pool` gives.
 
     As many threads as processes; each hands a task to an idle process and waits for the answer.
 
@@ -112,7 +74,7 @@ class ConversionPool(Executor):
     """
 
     def __init__(self, workers: int, preload: Preload) -> None:
-        self._threads = ThreadPoolExecutor(workers, thread_name_prefix="conversion")
+        self._threads = ThreadPoolExecutor(workers, thread_name_prefix="pool")
         self._lock = threading.Lock()
         self._parent = _Parent(preload)
         self._workers: list[_Worker] = []

@@ -384,6 +384,10 @@ def validate(
         Path | None,
         typer.Option("--html", metavar="FILE", help="Also write the verdict as a page."),
     ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option("--workers", min=0, help="Processes; 0: this one only. Default: CPU cores."),
+    ] = None,
     debug: Debug = False,
 ) -> int:
     """Recompute from the files whether a dataset is what it says it is."""
@@ -395,7 +399,7 @@ def validate(
         from carstage.validation import validate_dataset
 
     with watch_frames("Checking") as progress:
-        report = validate_dataset(dataset, progress=progress)
+        report = validate_dataset(dataset, progress=progress, workers=workers)
     for problem in report.problems:
         note(describe_problem(problem))
     if html is not None:

@@ -13,9 +13,10 @@ from carstage.dataset.variants import EpisodeVariants, variants_of
 from carstage.errors import CarStageError
 from carstage.storage.remote_path import DatasetPath
 from carstage.validation.checks.catalogue import RULES
-from carstage.validation.checks.episode import EpisodeChecks, Figures
+from carstage.validation.checks.figures import Figures, FrameFigures
 from carstage.validation.checks.findings import Findings, Problem, Severity
 from carstage.validation.checks.fleet import check_fleet
+from carstage.validation.checks.frames import conclude
 from carstage.validation.checks.maps import MapChecks
 from carstage.validation.checks.messages import check_messages
 from carstage.validation.checks.patch_pairs import check_patch_pairs
@@ -25,6 +26,7 @@ from carstage.validation.checks.splits import check_splits
 from carstage.validation.checks.tag_images import check_tag_table
 from carstage.validation.checks.variants import check_variants
 from carstage.validation.checks.vector_maps import VectorMapChecks
+from carstage.validation.sharing import FRAMES, TaskResults, shared
 
 REPORT_FORMAT = 1
 
@@ -95,8 +97,53 @@ def _variants(dataset: Dataset) -> tuple[EpisodeVariants, ...]:
     return variants_of(readable)
 
 
+class _Bar:
+    """How far it is, told after each task."""
+
+    def __init__(self, show: Callable[[int, int], None] | None, total: int) -> None:
+        self._show, self._total = show, total
+        self._done = 0
+
+    def advance(self, frames: int) -> None:
+        self._done += frames
+        if frames and self._show is not None:
+            self._show(self._done, self._total)
+
+
+def _check_view(view: Episode, results: TaskResults, figures: Figures, bar: _Bar) -> Findings:
+    """What all tasks of an episode found, as if it had been one."""
+    findings = Findings(view.id, view.agent_name)
+    of_frames = FrameFigures()
+    unreadable: str | None = None
+    for first in (None, *range(0, view.frames, FRAMES)):
+        found = results.next()
+        bar.advance(0 if first is None else min(FRAMES, view.frames - first))
+        if unreadable is not None:
+            continue  # nothing can be said, whatever the frames are
+        findings.include(found.findings)
+        unreadable = found.unreadable
+        if found.tables is not None:
+            figures.add_tables(found.tables)
+        if found.frames is not None:
+            of_frames.add(found.frames)
+    if unreadable is None:
+        try:
+            figures.not_decidable += conclude(view, of_frames, findings)
+        except CarStageError as error:
+            unreadable = str(error)
+    if unreadable is not None:
+        findings.add("unreadable", unreadable)
+    figures.add_frames(of_frames)
+    # An episode's frames count once, however many agents look at them.
+    figures.frames += view.frames if view.agent_name is None else 0
+    return findings
+
+
 def validate_dataset(
-    path: str | DatasetPath, *, progress: Callable[[int, int], None] | None = None
+    path: str | DatasetPath,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+    workers: int | None = None,
 ) -> ValidationReport:
     """Check every committed episode; what is not committed is not looked at.
 
@@ -105,37 +152,27 @@ def validate_dataset(
 
     Args:
         path: folder of the dataset, or its place in an object store.
-        progress: called with (frames checked, frames in all).
+        progress: called with (frames checked, frames in all) after every few frames.
+        workers: processes that look at frames; the verdict is the same for any number. 0: none but
+            this one; default: one for each core that may be used, and none for few frames.
 
     Raises:
         DatasetError: the folder is no dataset, of another format version, or a marker is damaged.
+        WorkerLostError: one of the processes died.
     """
     dataset = Dataset(path)
     views = [view for episode in dataset.episodes for view in _views(episode)]
-    total = sum(view.frames for view in views)
     figures = Figures()
     everything: list[Findings] = []
     maps, vector_maps = MapChecks(), VectorMapChecks()
-    done = 0
-    for view in views:
-        findings = Findings(view.id, view.agent_name)
-        everything.append(findings)
-        checks = EpisodeChecks(view, findings, figures)
-        before = figures.frames
-
-        def advance(others: int = done - before) -> None:
-            if progress:
-                progress(others + figures.frames, total)
-
-        try:
-            checks.run(advance)
-        except CarStageError as error:
-            findings.add("unreadable", str(error))
-        done += view.frames
-        # An episode's frames count once, however many agents look at them.
-        figures.frames = before + (view.frames if view.agent_name is None else 0)
-        maps.check(view, findings)
-        vector_maps.check(view, findings)
+    bar = _Bar(progress, sum(view.frames for view in views))
+    with shared(views, workers) as results:
+        for view in views:
+            # Before the first of its results is awaited.
+            of_maps = Findings(view.id, view.agent_name)
+            maps.check(view, of_maps)
+            vector_maps.check(view, of_maps)
+            everything += [_check_view(view, results, figures, bar), of_maps]
     for episode in dataset.episodes:
         findings = Findings(episode.id)
         everything.append(findings)

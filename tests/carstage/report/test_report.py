@@ -27,7 +27,7 @@ from carstage.report.statistics import bin_names
 from carstage.spec.road_users import GroupSpec
 from carstage.validation import Problem, ValidationReport, validate_dataset
 from carstage.validation.checks.catalogue import RULES
-from carstage.validation.checks.episode import Figures
+from carstage.validation.checks.figures import Figures
 from carstage.validation.checks.findings import Findings, Severity
 
 _VOID = {"meta", "img", "link", "br", "rect"}

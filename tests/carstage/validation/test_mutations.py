@@ -7,10 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
 import pytest
 
 from analytic_dataset import attempt_of, recommit
-from carstage.dataset.tables import read_table
+from carstage.dataset.tables import read_table, write_table
 from carstage.validation import Problem, validate_dataset
 from damage import (
     FRAME,
@@ -126,6 +128,21 @@ def turn_a_sensor(drive: Path) -> None:
     edit_all("sensor_poses", change)(drive)
 
 
+def drop_poses(drive: Path) -> None:
+    """Of one frame."""
+    path = attempt_of(drive) / "sensor_poses.parquet"
+    table = read_table(path)
+    write_table(table.filter(pc.not_equal(table["k"], FRAME)), path)
+    recommit(drive)
+
+
+def double_poses(drive: Path) -> None:
+    path = attempt_of(drive) / "sensor_poses.parquet"
+    table = read_table(path)
+    write_table(pa.concat_tables([table, table.slice(0, 1)]), path)
+    recommit(drive)
+
+
 def turn_in_the_calibration(content: Any) -> None:
     c, s = np.cos(np.radians(2.0)), np.sin(np.radians(2.0))
     for name in ("carrier_from_sensor", "ego_from_sensor"):
@@ -193,6 +210,8 @@ MUTATIONS: dict[str, tuple[Damage, str, tuple[str, ...]]] = {
     "geo reference": (document("episode.json", change_reference), "ego_columns", ("latitude_deg",)),
     "projection": (document("episode.json", change_projection), "ego_columns", ("latitude_deg",)),
     # Poses of sensors
+    "sensor poses dropped": (drop_poses, "sensor_poses", ("no row",)),
+    "sensor poses doubled": (double_poses, "sensor_poses", ("several rows",)),
     "sensor pose +2 deg": (turn_a_sensor, "sensor_poses", ("rotation_deg",)),
     "sensor location": (
         edit_one(

@@ -10,8 +10,8 @@ import pytest
 
 from carstage.geometry import pose_matrix
 from carstage.geometry.sweep_motion import SweepMotion
-from carstage.validation.checks.episode import EpisodeChecks
 from carstage.validation.checks.findings import Findings
+from carstage.validation.checks.frames import FrameChecks
 
 STEP_S, SPEED_M_S = 0.1, 10.0
 
@@ -39,5 +39,5 @@ def test_a_missed_tick_is_no_wrong_motion(ticks: int, moved_m: float, wrong: boo
         _times_s={0: 0.0, 1: ticks * STEP_S},
         _findings=findings,
     )
-    EpisodeChecks._check_sweep(checks, lidar, 1, sweep())
+    FrameChecks._check_sweep(checks, lidar, 1, sweep())
     assert bool(findings.problems()) is wrong

@@ -38,6 +38,15 @@ class ColourFigures:
     sky_pixels: int = 0
     paint: dict[int, list[float]] = field(default_factory=dict)
 
+    def add(self, other: ColourFigures) -> None:
+        """Add the sums of other pictures."""
+        self.sky += other.sky
+        self.sky_pixels += other.sky_pixels
+        for track, (sum_of_signs, pixels) in other.paint.items():
+            total = self.paint.setdefault(track, [0.0, 0.0])
+            total[0] += sum_of_signs
+            total[1] += pixels
+
     def add_sky(self, rgb: NDArray[np.uint8], sky: NDArray[np.bool_]) -> None:
         """Count the sky of one picture by day."""
         red, blue = (int(rgb[..., c][sky].sum(dtype=np.int64)) for c in (0, 2))

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections import deque
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -14,8 +13,6 @@ from numpy.typing import NDArray
 from carstage.dataset.reading import Sensor
 from carstage.validation.checks.files import FileRead, VerifiedFiles
 
-_MOST_THREADS = 4
-"""More decode faster than one thread checks."""
 _FRAMES_AHEAD = 2
 
 
@@ -37,31 +34,36 @@ class DecodedFrame:
 
 
 def decoded_frames(
-    files: VerifiedFiles, frames: Sequence[Sequence[Sensor]]
-) -> Generator[list[DecodedFrame], None, None]:
-    """The data of frame after frame, of which at most two are decoded ahead.
+    files: VerifiedFiles, frames: Iterable[tuple[int, Sequence[Sensor]]], threads: int
+) -> Generator[tuple[int, list[DecodedFrame]], None, None]:
+    """Frame after frame with its data, of which at most two are decoded ahead.
 
     Reading, hashing and decoding leave the interpreter's lock for most of their time.
 
     Args:
         files: reads them; nothing is reported.
-        frames: of each frame the sensors that have files of it.
+        frames: each with the sensors that have files of it.
+        threads: that decode.
     """
-    threads = max(1, min(_MOST_THREADS, os.cpu_count() or 1))
-    waiting: deque[list[Future[DecodedFrame]]] = deque()
+    waiting: deque[tuple[int, list[Future[DecodedFrame]]]] = deque()
     pool = ThreadPoolExecutor(threads, thread_name_prefix="decode")
     try:
-        for k, sensors in enumerate(frames):
-            waiting.append([pool.submit(_decoded, files, sensor, k) for sensor in sensors])
+        for k, sensors in frames:
+            waiting.append((k, [pool.submit(decode, files, sensor, k) for sensor in sensors]))
             if len(waiting) > _FRAMES_AHEAD:
-                yield [task.result() for task in waiting.popleft()]
+                yield _awaited(*waiting.popleft())
         while waiting:
-            yield [task.result() for task in waiting.popleft()]
+            yield _awaited(*waiting.popleft())
     finally:
         pool.shutdown(cancel_futures=True)
 
 
-def _decoded(files: VerifiedFiles, sensor: Sensor, k: int) -> DecodedFrame:
+def _awaited(k: int, tasks: Sequence[Future[DecodedFrame]]) -> tuple[int, list[DecodedFrame]]:
+    return k, [task.result() for task in tasks]
+
+
+def decode(files: VerifiedFiles, sensor: Sensor, k: int) -> DecodedFrame:
+    """Read, verify and decode a frame of a sensor."""
     found = [files.look_at(name) for name in sensor.file_names(k)]
     contents = [one.content for one in found if one.content is not None]
     if len(contents) != len(found):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import PurePosixPath
@@ -62,29 +62,51 @@ class FileRead:
     problem: tuple[str, str] | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class Listing:
+    """The files below a folder.
+
+    Attributes:
+        names: paths of the regular files.
+        sizes: in bytes, of those of an object store, which tells both at once.
+    """
+
+    names: frozenset[str]
+    sizes: Mapping[str, int]
+
+
+def list_files(folder: DatasetPath) -> Listing:
+    """The files below a folder."""
+    if not isinstance(folder, RemotePath):
+        return Listing(_present(folder), {})
+    prefix = f"{folder.key}/"
+    found = remote_files(folder.root).below(folder.key)
+    sizes = {one.key.removeprefix(prefix): one.bytes for one in found}
+    return Listing(frozenset(sizes), sizes)
+
+
 class VerifiedFiles:
     """Reads an episode's files and compares each with the marker on the way.
 
     Args:
         episode: the episode.
+        listing: what lies in its folder.
         findings: where differences go: checks ``file_missing``, ``file_size``, ``file_hash``.
     """
 
-    def __init__(self, episode: Episode, findings: Findings) -> None:
+    def __init__(self, episode: Episode, listing: Listing, findings: Findings) -> None:
         self._folder = episode.folder
         self._findings = findings
         self._entries = {entry.path: entry for entry in episode.files}
-        self._missing: set[str] = set()
-        self._sizes: Mapping[str, int] = {}
+        self._missing = frozenset(self._entries) - listing.names
+        self._sizes = listing.sizes
         self.files = 0
         self.bytes = 0
 
-    def find_all(self) -> None:
+    def report_missing(self) -> None:
         """Name the files of the marker that are not there, whatever else goes wrong later."""
-        present = self._list()
         for name in self._entries:
-            if name not in present:
-                self._missing.add(name)
+            if name in self._missing:
                 message = f"{name} is missing, or no regular file"
                 self._findings.add("file_missing", message, **_place_of(name))
 
@@ -124,20 +146,15 @@ class VerifiedFiles:
             self._findings.add(*found.problem, frame=frame, sensor=sensor)
         return found.content
 
-    def fetched_ahead(self) -> AbstractContextManager[None]:
-        """A stretch in which files of an object store are fetched before they are read."""
-        # Frame by frame, as they are read; what belongs to no frame comes first.
-        names = sorted(self._entries, key=lambda name: (name.count("/"), name.rpartition("/")[2]))
-        return fetched_ahead([(self._folder / name, self._entries[name].bytes) for name in names])
+    def fetched_ahead(self, frames: Container[int] = ()) -> AbstractContextManager[None]:
+        """A stretch in which files of an object store are fetched before they are read.
 
-    def _list(self) -> frozenset[str]:
-        """Paths of the files that are there; of an object store also their sizes."""
-        if isinstance(self._folder, RemotePath):
-            prefix = f"{self._folder.key}/"
-            found = remote_files(self._folder.root).below(self._folder.key)
-            self._sizes = {one.key.removeprefix(prefix): one.bytes for one in found}
-            return frozenset(self._sizes)
-        return _present(self._folder)
+        Args:
+            frames: whose files; without any, those that belong to no frame.
+        """
+        wanted = [name for name in self._entries if _frame_of(name) in (frames or (None,))]
+        names = sorted(wanted, key=lambda name: name.rpartition("/")[2])  # frame by frame
+        return fetched_ahead([(self._folder / name, self._entries[name].bytes) for name in names])
 
     def _size(self, name: str) -> int:
         known = self._sizes.get(name)
@@ -169,6 +186,12 @@ def _place_of(name: str) -> _Place:
     if len(parts) == 2:
         return {"sensor": frame}
     return {"sensor": parts[1], "frame": int(frame)} if frame.isdecimal() else {"sensor": parts[1]}
+
+
+def _frame_of(name: str) -> int | None:
+    """The frame that a file is of, by its name."""
+    stem = PurePosixPath(name).name.split(".", 1)[0]
+    return int(stem) if "/" in name and stem.isdecimal() else None
 
 
 def check_file_list(

@@ -66,6 +66,23 @@ class Findings:
             said = self._whose + message
             self._problems.append(Problem(check, severity, self.episode, frame, sensor, said))
 
+    def include(self, later: Findings) -> None:
+        """Add what others found of the same episode, as if it had been reported here."""
+        listed: Counter[tuple[str, Severity, str | None]] = Counter()
+        for problem in later._problems:
+            kind = problem.check, problem.severity, problem.sensor
+            if self._counts[kind] + listed[kind] < _MOST_OF_ONE_KIND:
+                self._problems.append(problem)
+                listed[kind] += 1
+        self._counts.update(later._counts)
+
+    def taken(self) -> Findings:
+        """All of it in an object of its own; nothing is left here."""
+        taken = Findings(self.episode)
+        taken._problems, self._problems = self._problems, []
+        taken._counts, self._counts = self._counts, Counter()
+        return taken
+
     def count(self, totals: dict[str, dict[Severity, int]]) -> None:
         """Add the number of problems to totals by check and severity."""
         for (check, severity, _), count in self._counts.items():

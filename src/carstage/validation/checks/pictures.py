@@ -35,7 +35,7 @@ class PictureFigures:
         frames: images looked at.
         brightness: sum of their mean brightness, 0 to 255.
         faults: number of images by what is wrong with them.
-        flat: frames of this episode whose image shows nothing, so that it may well repeat.
+        flat: frames of one episode whose image shows nothing, so that it may well repeat.
     """
 
     frames: int = 0
@@ -55,7 +55,8 @@ class PictureFigures:
             self.flat.add(k)
 
     def add(self, other: PictureFigures) -> None:
-        """Add the counts of another episode."""
+        """Add the counts of other frames, or of another episode."""
+        self.flat |= other.flat
         self.frames += other.frames
         self.brightness += other.brightness
         for fault, count in other.faults.items():

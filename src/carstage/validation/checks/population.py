@@ -49,6 +49,17 @@ class Population:
         """Before the first episode."""
         return cls({"vehicles": 0, "pedestrians": 0}, {"vehicles": 0, "pedestrians": 0})
 
+    def add(self, other: Population) -> None:
+        """Add the counts of other episodes."""
+        for group in self.wanted:
+            self.wanted[group] += other.wanted[group]
+            self.seen[group] += other.seen[group]
+        self.visible += other.visible
+        self.largely_occluded += other.largely_occluded
+        self.seconds += other.seconds
+        self.ego_moved |= other.ego_moved
+        self.cameras += other.cameras
+
     def to_dict(self) -> dict[str, Any]:
         """For the report."""
         return {

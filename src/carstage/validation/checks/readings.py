@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 
 import numpy as np
@@ -35,6 +36,7 @@ def check_sensor_poses(episode: Episode, tables: LabelTables, findings: Findings
     """Compare poses of sensors with ego, calibration and spec (check ``sensor_poses``)."""
     _check_calibration(episode, findings)
     poses = episode.sensor_poses()
+    _check_keys(episode, poses, findings)
     world_from_ego = tables.world_from_ego
     of_sensor = episode.calibration.sensors
     wanted, turns, kept = [], [], []
@@ -62,6 +64,22 @@ def check_sensor_poses(episode: Episode, tables: LabelTables, findings: Findings
     in_ego = numbers(rows, "ego_from_sensor", 16).reshape(-1, 4, 4)
     fixed = np.stack([of_sensor[name].ego_from_sensor for name in entries(rows, "sensor_id")])
     same.column("ego_from_sensor", fixed, _POSE_M, recorded=in_ego)
+
+
+def _check_keys(episode: Episode, poses: pa.Table, findings: Findings) -> None:
+    """Each sensor has one row in each frame."""
+    keys = zip(entries(poses, "k"), entries(poses, "sensor_id"), strict=True)
+    rows = Counter((name, k) for k, name in keys)
+    for name in episode.calibration.sensors:
+        wrong = [k for k in range(episode.frames) if rows[name, k] != 1]
+        if wrong:
+            found = "no row" if not rows[name, wrong[0]] else "several rows"
+            findings.add(
+                "sensor_poses",
+                f"sensor_poses.parquet has {found} of it; {len(wrong)} frames have not exactly one",
+                frame=wrong[0],
+                sensor=name,
+            )
 
 
 def _check_calibration(episode: Episode, findings: Findings) -> None:

@@ -52,6 +52,13 @@ class SilhouetteFigures:
     outside: int = 0
     farthest_px: float = 0.0
 
+    def add(self, other: SilhouetteFigures) -> None:
+        """Add the counts of other frames."""
+        self.objects += other.objects
+        self.pixels += other.pixels
+        self.outside += other.outside
+        self.farthest_px = max(self.farthest_px, other.farthest_px)
+
     def to_dict(self) -> dict[str, float]:
         """For the report."""
         return {

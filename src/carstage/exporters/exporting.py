@@ -9,6 +9,7 @@ from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import asdict, dataclass
 from functools import lru_cache, partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
 
@@ -25,6 +26,7 @@ from carstage.exporters.remote_target import check_remote_target, remote_folder
 from carstage.exporters.splits import ExportSplits, Split, splits_of_export
 from carstage.exporters.target import check_target, export_folder, write_document
 from carstage.exporters.variants import episode_entries
+from carstage.lazy import keep_pandas_lazy
 from carstage.processes import process_pool
 from carstage.storage import DatasetPath, RemotePath, dataset_root
 from carstage.storage.marker import CommitMarker
@@ -224,7 +226,7 @@ def _write(
     """Number of frames that were written."""
     total, done, written = sum(episode.frames for episode in episodes), 0, 0
     with ExitStack() as stack:
-        pool = None if workers == 0 else stack.enter_context(_pool(workers))
+        pool = None if workers == 0 else stack.enter_context(_pool(workers, exporter))
         stack.callback(_frames_of.cache_clear)
         stack.callback(exporter.close)
         exporter.begin(episodes, folder)
@@ -252,8 +254,8 @@ def _write(
 
 
 @contextmanager
-def _pool(workers: int | None) -> Iterator[Executor]:
-    pool = process_pool(workers)
+def _pool(workers: int | None, exporter: Exporter) -> Iterator[Executor]:
+    pool = process_pool(workers, preload=(load_format, (type(exporter).__module__,)))
     try:
         yield pool
     except BrokenExecutor as error:
@@ -262,6 +264,16 @@ def _pool(workers: int | None) -> Iterator[Executor]:
         ) from error
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+def load_format(module: str) -> None:
+    """Import what writes frames, in the process that those are forked from that do.
+
+    It starts no thread. What is not of this package may start some, and is imported after the fork.
+    """
+    if module.startswith(f"{__package__}."):
+        import_module(module)
+    keep_pandas_lazy()
 
 
 @dataclass(frozen=True, slots=True)

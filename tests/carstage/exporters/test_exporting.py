@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 from typer.testing import CliRunner
 
@@ -15,7 +19,9 @@ from analytic_dataset import attempt_of, edit_rows, recommit
 from carstage.cli.app import app
 from carstage.dataset import Dataset
 from carstage.errors import BadInputError
-from carstage.exporters import ExportOptions, examine, export_dataset
+from carstage.exporters import ExportOptions, examine, export_dataset, exporters
+from carstage.exporters.exporting import load_format
+from carstage.processes import process_pool
 
 pytestmark = pytest.mark.xdist_group("export")
 
@@ -213,3 +219,23 @@ def test_unknown_formats_are_refused_with_the_list(dataset: Path, tmp_path: Path
     ended = carstage_export(["voc", dataset, tmp_path / "out"])
     assert ended.exit_code == 2
     assert "kitti-object" in ended.stderr
+
+
+def test_a_format_is_loaded_once_by_a_process_without_threads() -> None:
+    formats = {exporter.__module__ for exporter in exporters().values()}
+    assert len(formats) > 8
+    for module in sorted(formats):
+        with process_pool(2, preload=(load_format, (module,))) as pool:
+            sleeping = [pool.submit(time.sleep, 0.1) for _ in range(2)]
+            assert all(task.result(60.0) is None for task in sleeping)
+            (parent,) = {pool.submit(os.getppid).result(60.0) for _ in range(4)}
+            assert psutil.Process(parent).num_threads() == 1, module
+            assert pool.submit(_has, module).result(60.0), module
+
+
+def test_what_somebody_else_wrote_is_not_loaded_before_processes_are_forked() -> None:
+    load_format("of_somebody_else.that_is_not_there")
+
+
+def _has(module: str) -> bool:
+    return module in sys.modules

@@ -56,6 +56,24 @@ def converters(
     return report(measure_converters(rounds=rounds), json)
 
 
+@benchmark("sharing", takes="2 minutes")
+def sharing(
+    dataset: Annotated[
+        Path | None,
+        typer.Option("--dataset", metavar="DIR", help="Default: a demonstration is recorded."),
+    ] = None,
+    rounds: Annotated[int, typer.Option(min=1, help="Of which the median counts.")] = 3,
+    json: Json = False,
+) -> int:
+    """What validation and exports take in one process and in many."""
+    from benchmarks.framework.sharing import measure_sharing
+    from carstage.cli.progress import watch_steps
+
+    with watch_steps("Rounds", "rounds") as progress:
+        verdict = measure_sharing(dataset, rounds=rounds, progress=progress)
+    return report(verdict, json)
+
+
 @benchmark("cores", takes="3 minutes")
 def cores(
     counts: Annotated[

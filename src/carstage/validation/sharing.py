@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Iterator, Sequence
-from concurrent.futures import BrokenExecutor, Future
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import chain
+from itertools import islice
 
 from carstage.dataset.reading import Episode
 from carstage.errors import CarStageError, WorkerLostError
@@ -26,8 +26,10 @@ FRAMES = 5
 """Of one task. Sums are rounded by it: it is the same for any number of processes."""
 _FEWEST_TASKS = 8
 """From which on processes are started: they load libraries first."""
-_TASKS_AHEAD = 4
+_JOBS_AHEAD = 4
 """For each process; what they found waits for what comes before it."""
+_MOST_TASKS_OF_A_JOB = 24
+"""Each job reads an episode's tables again, but the bar moves only when one is done."""
 _MOST_THREADS = 4
 """More decode faster than one thread checks."""
 
@@ -106,45 +108,48 @@ class Checker:
                 return Checked(findings, check_episode(episode, self._listing, findings))
             if self._frames is None:
                 self._frames = FrameChecks(episode, self._listing, self._threads)
-            found, figures = self._frames.check(*task.frames)
-            return Checked(found, frames=figures)
+            return Checked(findings, frames=self._frames.check(*task.frames, findings))
         except CarStageError as error:
-            self._frames = None
             return Checked(findings, unreadable=str(error))
 
 
-class TaskResults:
-    """What tasks found, in their order; the first are begun at once.
+def _alone(tasks: Iterable[Task]) -> Iterator[Checked]:
+    """What tasks found, in their order, by this process when it is asked for."""
+    checker = Checker(max(1, min(_MOST_THREADS, os.cpu_count() or 1)))
+    return map(checker.check, tasks)
+
+
+def _together(
+    views: Sequence[Episode], size: int, pool: ProcessPool, ahead: int
+) -> Iterator[Checked]:
+    """What tasks found, in their order; the first jobs are begun at once.
 
     Args:
-        tasks: the tasks.
-        pool: the processes that do them; None: this one.
-        workers: how many there are.
+        views: the episodes.
+        size: number of tasks of a job; all are of one episode.
+        pool: does the jobs.
+        ahead: number of jobs that are begun before what they found is asked for.
     """
+    jobs = (job for view in views for job in _jobs_of(view, size))
+    begun = deque(pool.submit(_check, job) for job in islice(jobs, ahead))
 
-    def __init__(self, tasks: Iterator[Task], pool: ProcessPool | None, workers: int) -> None:
-        self._pool = pool
-        self._checker = Checker(max(1, min(_MOST_THREADS, os.cpu_count() or 1)))
-        self._tasks = tasks
-        self._begun: deque[Future[Checked]] = deque()
-        for _ in range(_TASKS_AHEAD * workers):
-            self._begin()
+    def results() -> Iterator[Checked]:
+        while begun:
+            begun.extend(pool.submit(_check, job) for job in islice(jobs, 1))
+            yield from begun.popleft().result()
 
-    def next(self) -> Checked:
-        """What the next task found."""
-        if self._pool is None:
-            return self._checker.check(next(self._tasks))
-        self._begin()
-        return self._begun.popleft().result()
+    return results()
 
-    def _begin(self) -> None:
-        if self._pool is not None and (task := next(self._tasks, None)) is not None:
-            self._begun.append(self._pool.submit(_check, task))
+
+def _jobs_of(view: Episode, size: int) -> Iterator[tuple[Task, ...]]:
+    tasks = tasks_of(view)
+    while job := tuple(islice(tasks, size)):
+        yield job
 
 
 @contextmanager
-def shared(views: Sequence[Episode], workers: int | None) -> Iterator[TaskResults]:
-    """Processes at work on the tasks of episodes, one after the other.
+def shared(views: Sequence[Episode], workers: int | None) -> Iterator[Iterator[Checked]]:
+    """Processes at work on the tasks of episodes, one after the other; what each task found.
 
     Args:
         views: the episodes.
@@ -154,18 +159,19 @@ def shared(views: Sequence[Episode], workers: int | None) -> Iterator[TaskResult
     Raises:
         WorkerLostError: a process died.
     """
-    tasks = chain.from_iterable(tasks_of(view) for view in views)
     count = sum(1 + -(-view.frames // FRAMES) for view in views)
     if workers is None:
         workers = len(os.sched_getaffinity(0))
         workers = 0 if count < _FEWEST_TASKS or workers == 1 else workers
     workers = min(workers, count)
     if not workers:
-        yield TaskResults(tasks, None, 0)
+        yield _alone(task for view in views for task in tasks_of(view))
         return
+    ahead = _JOBS_AHEAD * workers
+    size = max(1, min(_MOST_TASKS_OF_A_JOB, count // ahead))
     pool = process_pool(workers, preload=(_load, ()))
     try:
-        yield TaskResults(tasks, pool, workers)
+        yield _together(views, size, pool, ahead)
     except BrokenExecutor as error:
         pool.kill()
         raise WorkerLostError(
@@ -186,6 +192,6 @@ def _load() -> None:
 _checker = Checker(threads=1)
 
 
-def _check(task: Task) -> Checked:
+def _check(job: Sequence[Task]) -> list[Checked]:
     """In a process of a pool."""
-    return _checker.check(task)
+    return [_checker.check(task) for task in job]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -26,7 +26,7 @@ from carstage.validation.checks.splits import check_splits
 from carstage.validation.checks.tag_images import check_tag_table
 from carstage.validation.checks.variants import check_variants
 from carstage.validation.checks.vector_maps import VectorMapChecks
-from carstage.validation.sharing import FRAMES, TaskResults, shared
+from carstage.validation.sharing import FRAMES, Checked, shared
 
 REPORT_FORMAT = 1
 
@@ -110,13 +110,13 @@ class _Bar:
             self._show(self._done, self._total)
 
 
-def _check_view(view: Episode, results: TaskResults, figures: Figures, bar: _Bar) -> Findings:
+def _check_view(view: Episode, results: Iterator[Checked], figures: Figures, bar: _Bar) -> Findings:
     """What all tasks of an episode found, as if it had been one."""
     findings = Findings(view.id, view.agent_name)
     of_frames = FrameFigures()
     unreadable: str | None = None
     for first in (None, *range(0, view.frames, FRAMES)):
-        found = results.next()
+        found = next(results)
         bar.advance(0 if first is None else min(FRAMES, view.frames - first))
         if unreadable is not None:
             continue  # nothing can be said, whatever the frames are

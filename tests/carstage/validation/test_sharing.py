@@ -114,10 +114,13 @@ def test_what_cannot_be_read_in_the_midst_is_said_alike(long: Path, tmp_path: Pa
     dataset = linked_copy(long, tmp_path / "copy")
     document("calibration.json", on_an_arm)(dataset)
     no_pose_at_the_end(dataset)
+    a_file_of_each_frame_changed(dataset)
 
     alone = validate_dataset(dataset, workers=0)
 
     assert alone.counts["unreadable"] == {"error": 1, "warning": 0}
+    found = {problem.frame for problem in alone.problems if problem.check == "file_hash"}
+    assert found == set(range(LONG))  # what was found before that is said, too
     assert validate_dataset(dataset, workers=2) == alone
 
 
@@ -149,8 +152,11 @@ def test_of_many_tasks_all_cores_take_some(
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: range(3))
     monkeypatch.setattr(carstage.validation.sharing, "_FEWEST_TASKS", 6)
 
-    assert validate_dataset(dataset).ok
+    shared = validate_dataset(dataset)
     assert asked == [3]
+    assert shared.ok
+    assert shared == validate_dataset(dataset, workers=0)
+    assert shared == validate_dataset(dataset, workers=1)  # with larger jobs
 
 
 def own_processes() -> list[psutil.Process]:

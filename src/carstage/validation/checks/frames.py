@@ -108,26 +108,34 @@ class FrameChecks:
         self._flow_frames: dict[str, int] = {}
         findings.taken()
 
-    def check(self, first: int, end: int) -> tuple[Findings, FrameFigures]:
+    def check(self, first: int, end: int, findings: Findings) -> FrameFigures:
         """Look at the frames from ``first`` to before ``end``.
 
+        Args:
+            first, end: the frames.
+            findings: where problems go.
+
         Raises:
-            DatasetError: a table is damaged; what was found until then is lost.
+            DatasetError: a table is damaged.
         """
         self._figures = FrameFigures()
         self._files.files = self._files.bytes = 0
-        # Those after it are fetched meanwhile, for whoever looks at them.
-        with self._files.fetched_ahead(range(first, end + (end - first))):
-            if self._last != first - 1:
-                self._remember_frame(first - 1)
-            wanted = [(k, self._with_files(k)) for k in range(first, end)]
-            with closing(decoded_frames(self._files, wanted, self._threads)) as frames:
-                for k, decoded in frames:
-                    self._check(k, decoded)
+        last, self._last = self._last, None
+        try:
+            # Those after it are fetched meanwhile, for whoever looks at them.
+            with self._files.fetched_ahead(range(first, end + (end - first))):
+                if last != first - 1:
+                    self._remember_frame(first - 1)
+                wanted = [(k, self._with_files(k)) for k in range(first, end)]
+                with closing(decoded_frames(self._files, wanted, self._threads)) as frames:
+                    for k, decoded in frames:
+                        self._check(k, decoded)
+        finally:
+            findings.include(self._findings.taken())
         self._last = end - 1
         self._figures.frames = end - first
         self._figures.files, self._figures.bytes = self._files.files, self._files.bytes
-        return self._findings.taken(), self._figures
+        return self._figures
 
     def _with_files(self, k: int) -> list[Sensor]:
         """Sensors that have files of that frame."""

@@ -106,10 +106,11 @@ def test_it_is_read_validated_reported_and_exported(
     assert episode.objects().num_rows > 0
     for sensor in episode.sensors:
         sensor.read(0)
-    there, here = (
-        carstage(["validate", where, "--json"], home) for where in (recorded[0], str(local))
+    there, together, here = (
+        carstage(["validate", *arguments, "--json"], home)
+        for arguments in ([recorded[0]], [recorded[0], "--workers", "2"], [str(local)])
     )
-    assert there.stdout == here.stdout
+    assert there.stdout == together.stdout == here.stdout
     assert json.loads(there.stdout.splitlines()[-1])["figures"]["files"] > 100
     page = tmp_path / "report.html"
     reported = carstage(["report", recorded[0], "--html", str(page)], home)

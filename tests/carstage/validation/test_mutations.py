@@ -521,6 +521,99 @@ MUTATIONS: dict[str, tuple[Damage, str, tuple[str, ...]]] = {
         "bbox_amodal",
         (),
     ),
+    "bbox_amodal_unclipped": (
+        edit_one("camera_objects", put("bbox_amodal_unclipped", moved(3.0, 2)), in_camera),
+        "bbox_amodal",
+        ("bbox_amodal_unclipped",),
+    ),
+    "truncated": (
+        edit_one("camera_objects", put("truncated", lambda v: (v + 0.1) % 1.0), in_camera),
+        "bbox_amodal",
+        ("truncated",),
+    ),
+    "crosses near": (
+        edit_one("camera_objects", put("crosses_near", lambda v: not v), in_camera),
+        "camera_columns",
+        ("crosses_near",),
+    ),
+    "pixels of the silhouette": (
+        edit_one("camera_objects", put("hull_px", lambda v: v + 5), in_camera),
+        "hull",
+        ("hull_px",),
+    ),
+    "visible": (
+        edit_one("camera_objects", put("visible", lambda v: not v), in_camera),
+        "camera_columns",
+        ("visible of",),
+    ),
+    "visibility method": (
+        edit_one("camera_objects", put("visibility_method", lambda v: "guessed"), in_camera),
+        "camera_columns",
+        ("visibility_method",),
+    ),
+    "amodal method": (
+        edit_one("camera_objects", put("amodal_method", lambda v: "hull_prior"), in_camera),
+        "camera_columns",
+        ("amodal_method",),
+    ),
+    "pinhole": (
+        edit_one("camera_objects", put("pinhole", lambda v: not v), in_camera),
+        "camera_columns",
+        ("pinhole",),
+    ),
+    "ambiguous light": (
+        edit_one(
+            "camera_objects",
+            put("instance_ambiguous", lambda v: True),
+            lambda r: r["track_id"] >= 1 << 52,
+        ),
+        "camera_columns",
+        ("instance_ambiguous",),
+    ),
+    # What all rows say alike
+    "episode id": (
+        edit_one("objects", put("episode_id", lambda v: v[::-1]), anything),
+        "object_columns",
+        (OBJECTS, "episode_id"),
+    ),
+    "ego's track id": (
+        edit_one("ego", put("track_id", lambda v: v + 1), anything),
+        "ego_columns",
+        (EGO, "track_id"),
+    ),
+    "map": (edit_one("ego", put("map", lambda v: "Town01"), anything), "ego_columns", ("map",)),
+    "box source": (
+        edit_one("objects", put("box_source", lambda v: "guessed"), anything),
+        "label_ranges",
+        ("guessed",),
+    ),
+    "light state": (
+        edit_one("ego", put("traffic_light_state", lambda v: "Blue"), anything),
+        "label_ranges",
+        ("Blue",),
+    ),
+    "light elsewhere": (
+        edit_one("objects", put("actor_location", moved(1.0)), lambda r: r["is_static"]),
+        "object_columns",
+        ("actor_location",),
+    ),
+    "light of another": (
+        edit_one(
+            "objects", put("parent_track_id", lambda v: v + 1), lambda r: r["traffic_light_state"]
+        ),
+        "tracks",
+        ("parent_track_id",),
+    ),
+    "pose at another time": (
+        edit_one("sensor_poses", put("timestamp_s", lambda v: v + 0.1), anything),
+        "label_timestamps",
+        ("sensor_poses.parquet",),
+    ),
+    "pose on another actor": (
+        edit_one("sensor_poses", put("carrier_track_id", lambda v: v + 1), anything),
+        "sensor_poses",
+        ("sits on",),
+    ),
     # Pictures and sweeps
     "red and blue swapped": (
         pictures("CAM_FRONT", lambda p: np.ascontiguousarray(p[..., ::-1])),

@@ -33,6 +33,7 @@ GROUPS: Final[dict[str, dict[str, str]]] = {
     "Labels among themselves": {
         "label_keys": "no two rows have the same key",
         "label_ranges": "values lie in their ranges",
+        "label_nulls": "values are null just where the format says that there are none",
         "label_references": "rows of cameras speak of objects and cameras that there are",
         "label_gaps": "no object vanishes and returns, the ego is always there",
         "label_missing": "every object whose box a camera's image holds has a row",
@@ -56,7 +57,7 @@ GROUPS: Final[dict[str, dict[str, str]]] = {
     },
     "Labels against the data": {
         "hull": "the pixels of an object lie inside the projection of its box",
-        "bbox_amodal": "the amodal 2D box is the projection of the 3D box",
+        "bbox_amodal": "amodal 2D boxes are the projection of the 3D box, clipped and whole",
         "level_boxes": "the boxes of parked vehicles, lights and signs show them",
         "mask": "masks have the pixels, bounds and ids that they should have",
         "birds_eye": "bird's-eye grids are what map, boxes, depth images and points make them",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -46,6 +48,7 @@ def check_ego_columns(episode: Episode, tables: LabelTables, findings: Findings)
     if not len(ego):
         return
     same = Recomputed("ego_columns", "ego.parquet", ego, findings)
+    _check_constants(episode, ego, ("episode_id", "track_id", "map"), same)
     rotation = rotation_matrix(numbers(ego, "rotation_deg", 3))
     turned_back = np.swapaxes(rotation, 1, 2)
     velocity, turning = numbers(ego, "velocity", 3), numbers(ego, "angular_velocity", 3)
@@ -63,6 +66,18 @@ def check_ego_columns(episode: Episode, tables: LabelTables, findings: Findings)
     same.column("longitude_deg", [p.longitude_deg for p in places], 1e-9)
     same.column("altitude_m", [p.altitude_m for p in places], _METRES)
     _check_ego_among_objects(tables, findings)
+
+
+def _check_constants(
+    episode: Episode, table: pa.Table, columns: Sequence[str], same: Recomputed
+) -> None:
+    """Columns that say in each row what ``episode.json`` says."""
+    document = episode.document
+    said = {"episode_id": episode.id, "track_id": document["ego_id"], "map": document["map"]}
+    for column in columns:
+        found = entries(table, column)
+        wrong = np.array([value != said[column] for value in found], np.bool_)
+        same.rows(column, wrong, found, [said[column]] * len(found))
 
 
 def _check_ego_among_objects(tables: LabelTables, findings: Findings) -> None:
@@ -87,6 +102,7 @@ def check_object_columns(episode: Episode, tables: LabelTables, findings: Findin
     """Recompute columns of ``objects.parquet`` (check ``object_columns``)."""
     objects = tables.objects
     same = Recomputed("object_columns", "objects.parquet", objects, findings)
+    _check_constants(episode, objects, ("episode_id",), same)
     ids = entries(objects, "track_id")
     wanted = [f"{episode.id}:{track}" for track in ids]
     uids = entries(objects, "instance_uid")
@@ -103,6 +119,8 @@ def check_object_columns(episode: Episode, tables: LabelTables, findings: Findin
         _SMALL, period=_TURN,
     )  # fmt: skip
     same.column("distance_ego", length(numbers(boxed, "box_center_ego", 3)), _METRES)
+    of_map = boxed["is_static"].to_numpy()
+    same.column("actor_location", numbers(boxed, "box_center", 3), _METRES, where=of_map)
     _check_moving_with_the_ego(tables, findings)
     _check_visibility(tables, findings)
 
@@ -238,6 +256,8 @@ def _check_occlusion(episode: Episode, table: pa.Table, findings: Findings) -> N
     same.column("occluded", level, 0.0)
     same.column("truncation_paper", (8.0 - seen) / 8.0, _SMALL)
     same.column("visible_stage_vo", seen > 0, 0.0)
+    straight = boxed["pinhole"].to_numpy()
+    same.column("crosses_near", numbers(boxed, "n_behind") > 0, 0.0, where=straight)
     counted = boxed.filter(pc.is_valid(boxed["occlusion_ratio"]))
     same = Recomputed("camera_columns", "camera_objects.parquet", counted, findings)
     amodal = numbers(counted, "amodal_px")

@@ -6,6 +6,7 @@ from carstage.dataset.ledger import recorded_frames, saved_times_s
 from carstage.dataset.reading import Episode
 from carstage.dataset.tracks import may_come_back
 from carstage.sensor_kinds.model import ROWS
+from carstage.validation.checks.camera_verdicts import check_camera_verdicts
 from carstage.validation.checks.columns import (
     check_camera_columns,
     check_ego_columns,
@@ -27,6 +28,7 @@ from carstage.validation.checks.labels import LabelTables, check_labels, labelle
 from carstage.validation.checks.ledger import check_ledger, check_row_sensors
 from carstage.validation.checks.level import check_level_boxes
 from carstage.validation.checks.motion import check_motion, compare_motion
+from carstage.validation.checks.nulls import check_nulls
 from carstage.validation.checks.population import Population, check_episode_population
 from carstage.validation.checks.radars import check_cross_sections
 from carstage.validation.checks.readings import check_readings, check_sensor_poses
@@ -63,9 +65,11 @@ def check_episode(episode: Episode, listing: Listing, findings: Findings) -> Tab
     check_self_test(episode, findings)
     tables = LabelTables.load(episode)
     check_labels(episode, tables, saved_times_s(ledger), findings)
+    check_nulls(episode, tables, findings)
     check_ego_columns(episode, tables, findings)
     check_object_columns(episode, tables, findings)
     check_camera_columns(episode, tables, findings)
+    check_camera_verdicts(episode, tables, findings)
     check_tracks(episode, tables, findings)
     check_sensor_poses(episode, tables, findings)
     check_readings(episode, tables, findings)

@@ -50,6 +50,13 @@ _RANGES: dict[str, dict[str, tuple[float, float]]] = {
         "longitude_deg": (-180.0, 180.0),
     },
 }
+_LIGHT_STATES = frozenset({"Red", "Yellow", "Green", "Off", "Unknown"})
+_BOX_SOURCES = frozenset({"actor", "capsule", "mesh", "measured", "level", "invalid", "none"})
+_VALUES: dict[str, dict[str, frozenset[str]]] = {
+    "objects": {"box_source": _BOX_SOURCES, "traffic_light_state": _LIGHT_STATES},
+    "camera_objects": {},
+    "ego": {"traffic_light_state": _LIGHT_STATES},
+}
 _KEYS = {
     "objects": ("k", "track_id"),
     "camera_objects": ("k", "sensor_id", "track_id"),
@@ -64,7 +71,8 @@ _BOX_COLUMNS = (
 )  # fmt: skip
 _CAMERA_COLUMNS = (
     "k", "sensor_id", "track_id", "bbox_amodal", "bbox_modal", "mask_modal", "visible_px",
-    "pinhole", "instance_ambiguous", "front_px", "hull_px",
+    "pinhole", "instance_ambiguous", "front_px", "hull_px", "bbox_amodal_unclipped", "truncated",
+    "crosses_near",
 )  # fmt: skip
 _EGO_COLUMNS = ("k", "location", "rotation_deg")
 _COLUMNS: dict[str, tuple[str, ...]] = {
@@ -161,6 +169,11 @@ def check_labels(
                 )
         for column, (low, high) in _RANGES[name].items():
             _check_range(name, table, column, low, high, findings)
+        for column, values in _VALUES[name].items():
+            found = {str(value) for value in table[column].drop_null().unique().to_pylist()}
+            for value in sorted(found - values):
+                message = f"{name}.parquet: {column} is {value!r}, which does not exist"
+                findings.add("label_ranges", message)
     ego_ks: list[Any] = tables.ego["k"].to_pylist()
     if episode.spec.ground_truth.ego_motion and sorted(ego_ks) != sorted(times_s):
         findings.add("frames_missing", "ego.parquet does not have one row per frame")

@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from carstage.dataset.calibration import SensorCalibration
+from carstage.dataset.ledger import saved_times_s
 from carstage.dataset.reading import Episode, Sensor
 from carstage.geometry import (
     compass_rad,
@@ -21,6 +22,7 @@ from carstage.geometry import (
 from carstage.spec import EGO, RIGID
 from carstage.validation.checks.findings import Findings
 from carstage.validation.checks.labels import LabelTables
+from carstage.validation.checks.ledger import TIMESTAMP_TOLERANCE_S
 from carstage.validation.checks.recomputing import Recomputed, entries, numbers, rows_at
 
 _POSE_M, _POSE_RAD = 0.02, 0.002
@@ -67,9 +69,19 @@ def check_sensor_poses(episode: Episode, tables: LabelTables, findings: Findings
 
 
 def _check_keys(episode: Episode, poses: pa.Table, findings: Findings) -> None:
-    """Each sensor has one row in each frame."""
-    keys = zip(entries(poses, "k"), entries(poses, "sensor_id"), strict=True)
-    rows = Counter((name, k) for k, name in keys)
+    """Each sensor has one row in each frame, with the frame's time and the sensor's carrier."""
+    times_s = saved_times_s(episode.ledger())
+    carriers = episode.carriers()
+    rows: Counter[tuple[str, int]] = Counter()
+    columns = ("k", "sensor_id", "timestamp_s", "carrier_track_id")
+    for k, name, time_s, carrier in zip(*(entries(poses, c) for c in columns), strict=True):
+        rows[name, k] += 1
+        if abs(time_s - times_s.get(k, time_s)) > TIMESTAMP_TOLERANCE_S:
+            message = f"sensor_poses.parquet: a row says {time_s} s, the ledger {times_s[k]} s"
+            findings.add("label_timestamps", message, frame=k, sensor=name)
+        if carrier != carriers[name]:
+            message = f"sensor_poses.parquet: it sits on {carrier}, and later on {carriers[name]}"
+            findings.add("sensor_poses", message, frame=k, sensor=name)
     for name in episode.calibration.sensors:
         wrong = [k for k in range(episode.frames) if rows[name, k] != 1]
         if wrong:

@@ -23,6 +23,7 @@ from carstage.geometry import (
     convex_hull,
     invert_pose,
     lens_outline,
+    polygon_area,
     project,
     transform_points,
 )
@@ -37,8 +38,9 @@ BOX_TOLERANCE_PX = 0.5
 BODY_REACH_M = np.array([0.5, 0.5, 0.2])
 """How far a walker's arms and legs may leave its capsule's box: along, across, up and down."""
 BOX_MARGIN_M = 0.05
-"""By how much a box is larger whose silhouette ``outside_px`` is about."""
+"""By how much a box is larger whose silhouette ``outside_px`` and ``hull_px`` are about."""
 OUTSIDE_TOLERANCE_PX = 2
+_FAR_SHARE, _SHARE_TOLERANCE = 1e-4, 1e-3
 CHORD_SHARE = 0.1
 """Of an object's pixels, those at its edge that an outline of chords may cut off or add."""
 
@@ -214,9 +216,10 @@ def check_silhouettes(
     ``outside_px`` of them outside the box's silhouette. The pixels come from the instance image
     with the camera's pose, if the rig has one and no other actor shares the bits, else from
     ``mask_modal``, as those of level objects do.
-    Further, ``bbox_amodal`` must be the bounds of the hull in the image (``bbox_amodal``), the mask
-    must have ``visible_px`` pixels, the bounds ``bbox_modal`` and, with an instance image, only
-    pixels of that id (``mask``).
+    Further, ``bbox_amodal`` must be the bounds of the hull in the image, ``bbox_amodal_unclipped``
+    those of all of it, and ``truncated`` the share outside (``bbox_amodal``). ``hull_px`` must
+    count the pixels in it (``hull``). The mask must have ``visible_px`` pixels, the bounds
+    ``bbox_modal`` and, with an instance image, only pixels of that id (``mask``).
 
     Args:
         camera: the labelled camera.
@@ -237,8 +240,9 @@ def check_silhouettes(
     counted = [box for row, box in known if row["visible_px"] and row.get("outside_px") is not None]
     capsules = [box for box in counted if box.is_capsule]
     bodies = _by_track(capsules, projected_hulls(camera, capsules, grown_m=BODY_REACH_M))
-    left = counted if camera.bent is not None else capsules
-    grown = _by_track(left, projected_hulls(camera, left, grown_m=BOX_MARGIN_M))
+    measured = [box for row, box in known if row["hull_px"] is not None]
+    grown = _by_track(measured, projected_hulls(camera, measured, grown_m=BOX_MARGIN_M))
+    may_leave = {box.track_id for box in (counted if camera.bent is not None else capsules)}
     codes = None if instance is None else InstancePixels(instance)
     for (row, box), hull in zip(known, hulls, strict=True):
         name = f"object {row['track_id']}"
@@ -246,6 +250,8 @@ def check_silhouettes(
             findings.add("hull", f"{name} is labelled, but its box is out of view", **where)
             continue
         _check_amodal(camera, name, row, hull, findings, where)
+        if box.track_id in grown:
+            _check_hull_px(camera, name, row, grown[box.track_id], findings, where)
         mask = _mask(camera, name, row, findings, where)
         if not row["visible_px"]:
             continue
@@ -261,7 +267,8 @@ def check_silhouettes(
         if own is None:
             continue
         if row.get("outside_px") is not None:
-            _check_outside(camera, name, row, grown.get(box.track_id), own, findings, where)
+            outline = grown.get(box.track_id) if box.track_id in may_leave else None
+            _check_outside(camera, name, row, outline, own, findings, where)
             hull = bodies.get(box.track_id, hull)
         beyond = outside_hull(camera, hull, own)
         outside, count = int((beyond > HULL_MARGIN_PX).sum()), len(beyond)
@@ -350,13 +357,61 @@ def _check_amodal(
     if not inside:
         findings.add("bbox_amodal", f"{name} is labelled, but out of the image", **where)
         return
-    difference = np.abs(np.array(bounds(inside)) - row["bbox_amodal"]).max()
-    if difference > BOX_TOLERANCE_PX:
+    for column, polygon in (("bbox_amodal", inside), ("bbox_amodal_unclipped", hull)):
+        wanted = np.array(bounds(polygon))
+        difference = np.abs(wanted - row[column])
+        # Where a box reaches behind the camera its outline ends far away.
+        if (difference > BOX_TOLERANCE_PX + _FAR_SHARE * np.abs(wanted)).any():
+            findings.add(
+                "bbox_amodal",
+                f"{name}: {column} is {difference.max():.1f} px off the projection of its box",
+                **where,
+            )
+    if camera.bent is None:
+        truncated = 1.0 - polygon_area(inside) / polygon_area(hull)
+        if row["truncated"] is not None and abs(row["truncated"] - truncated) > _SHARE_TOLERANCE:
+            findings.add(
+                "bbox_amodal",
+                f"{name}: truncated is {row['truncated']:.4f}, outside lies {truncated:.4f} of it",
+                **where,
+            )
+
+
+def _check_hull_px(
+    camera: SensorCalibration,
+    name: str,
+    row: Mapping[str, Any],
+    hull: list[Point],
+    findings: Findings,
+    where: dict[str, Any],
+) -> None:
+    """``hull_px`` counts the centres of pixels inside the silhouette of the box with a margin."""
+    if camera.bent is not None or len(hull) < 3:
+        return
+    inside = centres_inside(hull, camera.width, camera.height)
+    if abs(inside - row["hull_px"]) > OUTSIDE_TOLERANCE_PX:
         findings.add(
-            "bbox_amodal",
-            f"{name}: bbox_amodal is {difference:.1f} px off the projection of its box",
+            "hull",
+            f"{name}: the silhouette of its box has {inside} pixels, hull_px is {row['hull_px']}",
             **where,
         )
+
+
+def centres_inside(hull: Sequence[Point], width: int, height: int) -> int:
+    """Number of an image's pixels whose centres lie in a convex polygon (px)."""
+    corners = np.array(hull, np.float64)
+    first, last = np.clip(
+        np.array([corners[:, 1].min(), corners[:, 1].max()]).round(), 0, height
+    ).astype(np.int64)
+    y = np.arange(first, last) + 0.5
+    left, right = np.full(len(y), np.inf), np.full(len(y), -np.inf)
+    for (x0, y0), (x1, y1) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        met = (y >= min(y0, y1)) & (y <= max(y0, y1)) & (y0 != y1)
+        x = x0 + (x1 - x0) * (y[met] - y0) / (y1 - y0) if met.any() else 0.0
+        left[met], right[met] = np.minimum(left[met], x), np.maximum(right[met], x)
+    begin = np.clip(np.ceil(left - 0.5), 0, width)
+    end = np.clip(np.floor(right - 0.5) + 1.0, 0, width)
+    return int(np.maximum(end - begin, 0.0).sum())
 
 
 def _check_outside(

@@ -44,6 +44,7 @@ def check_tracks(episode: Episode, tables: LabelTables, findings: Findings) -> N
     gaps in which all can have changed: then only places are compared, by the check ``motion``.
     """
     _check_constant(tables.objects, findings)
+    _check_parents(tables.objects, findings)
     _check_classes(episode, tables.objects, findings)
     _check_lights(tables.objects, findings)
     if episode.spec.save_every == 1 and episode.spec.timing.synchronous:
@@ -64,6 +65,17 @@ def _check_constant(objects: pa.Table, findings: Findings) -> None:
     extents = entries(objects, "box_extent")
     sizes = [None if e is None else tuple(round(v / _EXTENT_M / 2) for v in e) for e in extents]
     _compare_with_first("box_extent", objects, tracks, sizes, findings)
+
+
+def _check_parents(objects: pa.Table, findings: Findings) -> None:
+    """Riders and lights belong to the same actor in all frames."""
+    rows = objects.filter(may_come_back(objects))
+    tracks, parents = entries(rows, "track_id"), entries(rows, "parent_track_id")
+    first: dict[int, Any] = {}
+    wanted = [first.setdefault(track, own) for track, own in zip(tracks, parents, strict=True)]
+    wrong = np.array([a != b for a, b in zip(parents, wanted, strict=True)], np.bool_)
+    same = Recomputed("tracks", "objects.parquet", rows, findings)
+    same.rows("parent_track_id", wrong, parents, wanted)
 
 
 def _compare_with_first(

@@ -170,10 +170,7 @@ def check_labels(
         for column, (low, high) in _RANGES[name].items():
             _check_range(name, table, column, low, high, findings)
         for column, values in _VALUES[name].items():
-            found = {str(value) for value in table[column].drop_null().unique().to_pylist()}
-            for value in sorted(found - values):
-                message = f"{name}.parquet: {column} is {value!r}, which does not exist"
-                findings.add("label_ranges", message)
+            _check_values(name, table, column, values, findings)
     ego_ks: list[Any] = tables.ego["k"].to_pylist()
     if episode.spec.ground_truth.ego_motion and sorted(ego_ks) != sorted(times_s):
         findings.add("frames_missing", "ego.parquet does not have one row per frame")
@@ -208,6 +205,20 @@ def _check_range(
             "label_ranges",
             f"{name}.parquet: {column} is {values[wrong][0]} in one of {wrong.sum()} rows, "
             f"outside {low:g} to {high:g}",
+        )
+
+
+def _check_values(
+    name: str, table: pa.Table, column: str, values: frozenset[str], findings: Findings
+) -> None:
+    found = zip(table["k"].to_pylist(), table[column].to_pylist(), strict=True)
+    wrong = [(k, value) for k, value in found if value is not None and value not in values]
+    if wrong:
+        k, value = wrong[0]
+        findings.add(
+            "label_ranges",
+            f"{name}.parquet: {column} is {value!r}, which does not exist, in {len(wrong)} rows",
+            frame=k,
         )
 
 

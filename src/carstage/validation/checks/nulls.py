@@ -76,7 +76,8 @@ def check_nulls(episode: Episode, tables: LabelTables, findings: Findings) -> No
     same = _Nulls("ego", ego, findings)
     same.never(EGO_COLUMNS)
     _check_acceleration(same, ego)
-    same.are(_CONTROLS, ego[_CONTROLS[0]].is_null().to_numpy())
+    unknown = np.all([ego[column].is_null().to_numpy() for column in _CONTROLS], axis=0)
+    same.are(_CONTROLS, np.asarray(unknown, np.bool_))
 
     _Nulls("sensor_poses", episode.sensor_poses(), findings).never(SENSOR_POSE_COLUMNS)
 

@@ -236,13 +236,7 @@ def check_silhouettes(
     if not known or not camera.is_projective:
         return
     hulls = projected_hulls(camera, [box for _, box in known])
-    # Arms and legs leave a walker's capsule; `outside_px` counts beyond a box with a margin.
-    counted = [box for row, box in known if row["visible_px"] and row.get("outside_px") is not None]
-    capsules = [box for box in counted if box.is_capsule]
-    bodies = _by_track(capsules, projected_hulls(camera, capsules, grown_m=BODY_REACH_M))
-    measured = [box for row, box in known if row["hull_px"] is not None]
-    grown = _by_track(measured, projected_hulls(camera, measured, grown_m=BOX_MARGIN_M))
-    may_leave = {box.track_id for box in (counted if camera.bent is not None else capsules)}
+    around = _Around(camera, known)
     codes = None if instance is None else InstancePixels(instance)
     for (row, box), hull in zip(known, hulls, strict=True):
         name = f"object {row['track_id']}"
@@ -250,8 +244,8 @@ def check_silhouettes(
             findings.add("hull", f"{name} is labelled, but its box is out of view", **where)
             continue
         _check_amodal(camera, name, row, hull, findings, where)
-        if box.track_id in grown:
-            _check_hull_px(camera, name, row, grown[box.track_id], findings, where)
+        if box.track_id in around.grown:
+            _check_hull_px(camera, name, row, around.grown[box.track_id], findings, where)
         mask = _mask(camera, name, row, findings, where)
         if not row["visible_px"]:
             continue
@@ -267,9 +261,9 @@ def check_silhouettes(
         if own is None:
             continue
         if row.get("outside_px") is not None:
-            outline = grown.get(box.track_id) if box.track_id in may_leave else None
+            outline = around.grown.get(box.track_id) if box.track_id in around.left else None
             _check_outside(camera, name, row, outline, own, findings, where)
-            hull = bodies.get(box.track_id, hull)
+            hull = around.bodies.get(box.track_id, hull)
         beyond = outside_hull(camera, hull, own)
         outside, count = int((beyond > HULL_MARGIN_PX).sum()), len(beyond)
         figures.objects += 1
@@ -283,6 +277,33 @@ def check_silhouettes(
                 f"the farthest by {beyond.max():.1f} px",
                 **where,
             )
+
+
+class _Around:
+    """Silhouettes of boxes that are grown.
+
+    Args:
+        camera: who looks.
+        known: rows of ``camera_objects.parquet``, each with the box.
+
+    Attributes:
+        grown: by track, of the boxes with a margin, which ``hull_px`` and ``outside_px`` are about.
+        bodies: by track, of the space that a walker's arms and legs reach.
+        left: tracks whose pixels may lie outside: limbs leave a walker's capsule, and a lens's
+            pixels are as near as they can be.
+    """
+
+    def __init__(
+        self, camera: SensorCalibration, known: Sequence[tuple[Mapping[str, Any], LabelledBox]]
+    ) -> None:
+        measured = [box for row, box in known if row["hull_px"] is not None]
+        counted = [
+            box for row, box in known if row["visible_px"] and row.get("outside_px") is not None
+        ]
+        capsules = [box for box in counted if box.is_capsule]
+        self.grown = _by_track(measured, projected_hulls(camera, measured, grown_m=BOX_MARGIN_M))
+        self.bodies = _by_track(capsules, projected_hulls(camera, capsules, grown_m=BODY_REACH_M))
+        self.left = {box.track_id for box in (counted if camera.bent is not None else capsules)}
 
 
 def _by_track(boxes: Sequence[LabelledBox], hulls: Sequence[list[Point]]) -> dict[int, list[Point]]:

@@ -341,7 +341,9 @@ def parse_options(argv: Sequence[str] | None) -> Options:
     """
     parser = _parser()
     given = sys.argv[1:] if argv is None else argv
-    namespace, unknown = parser.parse_known_args([parser.in_our_case(text) for text in given])
+    namespace, unknown = parser.parse_known_args(
+        [parser.in_our_case(text) for text in _joined(given)]
+    )
     if unknown:
         parser.refuse_unknown(unknown)
     map_name = namespace.map_name or namespace.start_map or _FIRST_MAP
@@ -376,6 +378,17 @@ def parse_options(argv: Sequence[str] | None) -> Options:
         vehicle=namespace.vehicle,
         log_level=namespace.log_level,
     )
+
+
+def _joined(given: Sequence[str]) -> list[str]:
+    """A command line in which ``-ResX= 800``, as some programs write it, is one word."""
+    words: list[str] = []
+    for word in given:
+        if words and words[-1].startswith("-") and words[-1].endswith("=") and word[:1] != "-":
+            words[-1] += word
+        else:
+            words.append(word)
+    return words
 
 
 def _port(text: str) -> int:

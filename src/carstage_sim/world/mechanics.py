@@ -9,13 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.maps.ground import Ground
+from carstage_sim.maps.ground import STEP_UP_M, Ground
 from carstage_sim.maps.town import Town
 from carstage_sim.world.actors import ActorTable
 from carstage_sim.world.contacts.collisions import collisions_of_tick
 from carstage_sim.world.contacts.obstacles import Obstacles
 from carstage_sim.world.contacts.solids import Solids
 from carstage_sim.world.controls import PhysicsStep
+from carstage_sim.world.pose import Pose
 from carstage_sim.world.state import ActorKind, Collision
 from carstage_sim.world.town_objects import TownObjects
 from carstage_sim.world.vehicles.fleet import VehicleFleet
@@ -57,6 +58,7 @@ class Mechanics:
     def __init__(self, terrain: Terrain, table: ActorTable, objects: TownObjects) -> None:
         self.fleet = VehicleFleet(terrain.ground.height_below, terrain.obstacles)
         self.collisions: tuple[Collision, ...] = ()
+        self._terrain = terrain
         self._obstacles = terrain.obstacles
         self._walkers = WalkerMotion(terrain.ground, terrain.obstacles)
         self._table = table
@@ -105,6 +107,19 @@ class Mechanics:
         self._walkers.step(table, walkers, delta_s)
         ids = [*fleet.ids.tolist(), *(actor.actor_id for actor in solids.actors)]
         self.collisions = collisions_of_tick(touches, ids)
+
+    def lifted(self, pose: Pose, half_height_m: float) -> Pose:
+        """Where a walker stands that is put to a place with its feet in the ground.
+
+        Programs spawn walkers at places of the navigation mesh, which are those of feet, though an
+        actor's origin is at mid height. CARLA spawns them: Unreal moves them out of the ground.
+        A surface that is higher than a foot can step up, seen from the origin, is above the walker.
+        """
+        x, y, z = pose.location
+        (ground,) = self._terrain.ground.height_below(np.array([pose.location])).tolist()
+        if not ground - (z - half_height_m) > STEP_UP_M:  # it may be NaN
+            return pose
+        return pose._replace(location=(x, y, ground + half_height_m))
 
     def fallen(self) -> list[int]:
         """Ids of vehicles and walkers that have left the world downwards."""

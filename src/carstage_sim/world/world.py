@@ -255,6 +255,8 @@ class World:
         blueprint = seated(blueprint, merged)
         solid = blueprint.kind in (ActorKind.VEHICLE, ActorKind.WALKER)
         free = parent_id or wanted_id
+        if blueprint.kind is ActorKind.WALKER and not free:
+            placed = self._mechanics.lifted(placed, blueprint.box_extent[2])
         if solid and not free and is_blocked(self.actors, blueprint, placed):
             raise SpawnError(COLLISION_TEXT)
         if self._before_spawn is not None:

@@ -132,6 +132,8 @@ def test_what_others_start_carla_with_is_understood() -> None:
     assert (options.map_name, options.port, options.streaming_port) == ("Town03", 8010, 8011)
     assert options.quality is Quality.EPIC
     assert parse_options(["/Game/Carla/Maps/Town01", "-nosound"]).map_name == "Town01"
+    apart = parse_options(["-windowed", "-ResX=", "800", "-ResY=", "600", "-carla-rpc-port=8010"])
+    assert (apart.map_name, apart.port) == ("Stage01", 8010)
     assert parse_options(["Town01", "--map", "Town02"]).map_name == "Town02"
     assert parse_options([]).map_name == "Stage01"
 

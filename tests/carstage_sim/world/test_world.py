@@ -334,6 +334,26 @@ def test_walker_walks_where_its_control_says_and_stands_on_the_ground(
     assert moved[2] - walker.box_extent[2] == pytest.approx(0.0, abs=1e-6)  # the road's height
 
 
+@pytest.mark.parametrize("falls_into", [0.0, 0.25])
+def test_walker_spawned_at_a_place_of_feet_does_not_fall(
+    world: World, stage01: Town, falls_into: float
+) -> None:
+    """As programs do with ``get_random_location_from_navigation``, which gives no origin."""
+    x, y, _ = place(stage01).location
+    walker = world.spawn(WALKER, {}, Pose((x, y, 0.15 - falls_into)))
+    assert walker.box_extent[2] > 0.8  # its feet would be below what a foot can step up
+    snapshot = ticks(world, 40)
+    row = world.actors.row(walker.actor_id)
+    assert snapshot.state.location[row, 2] == pytest.approx(walker.box_extent[2], abs=1e-6)
+
+
+def test_walker_spawned_below_the_ground_falls(world: World, stage01: Town) -> None:
+    x, y, _ = place(stage01).location
+    walker = world.spawn(WALKER, {}, Pose((x, y, -3.0)))
+    snapshot = ticks(world, 40)
+    assert snapshot.state.location[world.actors.row(walker.actor_id), 2] < -5.0
+
+
 def test_walker_placed_by_navigation_has_its_feet_there(world: World, stage01: Town) -> None:
     walker = world.spawn(WALKER, {}, place(stage01))
     world.set_simulate_physics(walker.actor_id, False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 from carstage.dataset.reading import Episode
@@ -34,6 +34,10 @@ def check_camera_verdicts(episode: Episode, tables: LabelTables, findings: Findi
     for row in tables.objects.select(_OBJECT_COLUMNS).to_pylist():
         objects[row["k"]][row["track_id"]] = row
     shared = {k: _shared_low_ids(rows.values()) for k, rows in objects.items()}
+    measuring = {
+        k: frozenset(name for row in rows.values() for name, _ in row["num_lidar_points"])
+        for k, rows in objects.items()
+    }
     sensors = {sensor.id: sensor.calibration for sensor in episode.sensors}
     beside = _lidars_beside(episode)
     problems: dict[str, list[_Row]] = defaultdict(list)
@@ -53,7 +57,8 @@ def check_camera_verdicts(episode: Episode, tables: LabelTables, findings: Findi
         if is_shared and not (own["is_static"] or row["instance_ambiguous"]):
             wrong.append("instance_ambiguous")
         verdict = row["visible_pixel" if episode.spec.labels.pixels else "visible_stage_vo"]
-        enough = _has_points(own, frame, beside[camera.id], episode.spec.min_lidar_points)
+        lidars = measuring[row["k"]].intersection(beside[camera.id])
+        enough = _has_points(own, frame, lidars, episode.spec.min_lidar_points)
         if row["visible"] != (bool(verdict) and enough):
             wrong.append("visible")
         for column in wrong:
@@ -99,17 +104,22 @@ def _shared_low_ids(rows: Iterable[_Row]) -> frozenset[int]:
     return frozenset(bits for bits, count in low.items() if count > 1)
 
 
-def _has_points(own: _Row, objects: Mapping[int, _Row], beside: Sequence[str], least: int) -> bool:
-    """Whether enough points of LiDARs beside the camera lie in an object's box.
+def _has_points(
+    own: _Row, objects: Mapping[int, _Row], lidars: Collection[str], least: int
+) -> bool:
+    """Whether enough points lie in an object's box.
 
-    All objects have enough where no such LiDAR has measured, as have lights and signs.
+    All objects have enough where no LiDAR has measured, as have lights and signs.
+
+    Args:
+        own: the row of the object.
+        objects: rows of the frame by track.
+        lidars: those beside the camera that have measured in this frame.
+        least: number of points that is enough.
     """
-    if least <= 0 or (own["is_static"] and own["class"] not in _VEHICLES):
-        return True
-    counted = {name for row in objects.values() for name, _ in row["num_lidar_points"]}
-    if not counted & {*beside}:
+    if least <= 0 or not lidars or (own["is_static"] and own["class"] not in _VEHICLES):
         return True
     if own["class"] == "rider":
         own = objects.get(own["parent_track_id"], own)
-    total = sum(count for name, count in own["num_lidar_points"] if name in beside)
+    total = sum(count for name, count in own["num_lidar_points"] if name in lidars)
     return bool(total >= least)

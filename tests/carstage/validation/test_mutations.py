@@ -526,6 +526,11 @@ MUTATIONS: dict[str, tuple[Damage, str, tuple[str, ...]]] = {
         "bbox_amodal",
         ("bbox_amodal_unclipped",),
     ),
+    "no bbox_amodal_unclipped": (
+        edit_one("camera_objects", put("bbox_amodal_unclipped", lambda v: None), in_camera),
+        "label_nulls",
+        ("bbox_amodal_unclipped",),
+    ),
     "truncated": (
         edit_one("camera_objects", put("truncated", lambda v: (v + 0.1) % 1.0), in_camera),
         "bbox_amodal",

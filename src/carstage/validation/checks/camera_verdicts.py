@@ -35,7 +35,7 @@ def check_camera_verdicts(episode: Episode, tables: LabelTables, findings: Findi
         objects[row["k"]][row["track_id"]] = row
     shared = {k: _shared_low_ids(rows.values()) for k, rows in objects.items()}
     measuring = {
-        k: frozenset(name for row in rows.values() for name, _ in row["num_lidar_points"])
+        k: frozenset(name for row in rows.values() for name, _ in row["num_lidar_points"] or ())
         for k, rows in objects.items()
     }
     sensors = {sensor.id: sensor.calibration for sensor in episode.sensors}
@@ -121,5 +121,5 @@ def _has_points(
         return True
     if own["class"] == "rider":
         own = objects.get(own["parent_track_id"], own)
-    total = sum(count for name, count in own["num_lidar_points"] if name in lidars)
+    total = sum(count for name, count in own["num_lidar_points"] or () if name in lidars)
     return bool(total >= least)

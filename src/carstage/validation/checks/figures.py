@@ -43,7 +43,38 @@ class TableFigures:
 
 
 @dataclass(slots=True)
-class FrameFigures:
+class _Measured:
+    """What is measured in frames, and summed over all episodes."""
+
+    frames: int = 0
+    files: int = 0
+    bytes: int = 0
+    points_in_boxes: int = 0
+    hull: SilhouetteFigures = field(default_factory=SilhouetteFigures)
+    pairs: dict[tuple[str, str], RangingFigures] = field(
+        default_factory=lambda: defaultdict(RangingFigures)
+    )
+    edges: dict[str, EdgeFigures] = field(default_factory=lambda: defaultdict(EdgeFigures))
+    fits: dict[str, dict[int, FrameFit]] = field(default_factory=lambda: defaultdict(new_fits))
+    flow: dict[str, FlowFigures] = field(default_factory=lambda: defaultdict(FlowFigures))
+    pictures: dict[str, PictureFigures] = field(default_factory=lambda: defaultdict(PictureFigures))
+
+    def add_frames(self, frames: FrameFigures) -> None:
+        """Add those of frames, but for their number: agents have the ego's."""
+        self.files += frames.files
+        self.bytes += frames.bytes
+        self.points_in_boxes += frames.points_in_boxes
+        self.hull.add(frames.hull)
+        _add_each(self.pairs, frames.pairs)
+        _add_each(self.edges, frames.edges)
+        for camera, fits in frames.fits.items():
+            _add_each(self.fits[camera], fits)
+        _add_each(self.flow, frames.flow)
+        _add_each(self.pictures, frames.pictures)
+
+
+@dataclass(slots=True)
+class FrameFigures(_Measured):
     """What was measured in frames of one episode that follow each other.
 
     Attributes:
@@ -56,55 +87,23 @@ class FrameFigures:
         late: by camera, frame after frame the first of these.
     """
 
-    frames: int = 0
-    files: int = 0
-    bytes: int = 0
-    points_in_boxes: int = 0
-    hull: SilhouetteFigures = field(default_factory=SilhouetteFigures)
-    pairs: dict[tuple[str, str], RangingFigures] = field(
-        default_factory=lambda: defaultdict(RangingFigures)
-    )
-    edges: dict[str, EdgeFigures] = field(default_factory=lambda: defaultdict(EdgeFigures))
-    fits: dict[str, dict[int, FrameFit]] = field(default_factory=lambda: defaultdict(new_fits))
     late: dict[str, list[tuple[int, FrameFit]]] = field(default_factory=lambda: defaultdict(list))
     colours: dict[str, ColourFigures] = field(default_factory=lambda: defaultdict(ColourFigures))
-    flow: dict[str, FlowFigures] = field(default_factory=lambda: defaultdict(FlowFigures))
-    pictures: dict[str, PictureFigures] = field(default_factory=lambda: defaultdict(PictureFigures))
 
     def add(self, later: FrameFigures) -> None:
         """Add those of the frames that follow."""
         self.frames += later.frames
-        self.files += later.files
-        self.bytes += later.bytes
-        self.points_in_boxes += later.points_in_boxes
-        self.hull.add(later.hull)
-        _add_each(self.pairs, later.pairs)
-        _add_each(self.edges, later.edges)
-        _add_fits(self.fits, later.fits)
+        self.add_frames(later)
         for camera, fits in later.late.items():
             self.late[camera].extend(fits)
         _add_each(self.colours, later.colours)
-        _add_each(self.flow, later.flow)
-        _add_each(self.pictures, later.pictures)
 
 
 @dataclass(slots=True)
-class Figures:
+class Figures(_Measured):
     """What was measured over all episodes so far."""
 
-    frames: int = 0
-    files: int = 0
-    bytes: int = 0
-    points_in_boxes: int = 0
-    hull: SilhouetteFigures = field(default_factory=SilhouetteFigures)
-    pairs: dict[tuple[str, str], RangingFigures] = field(
-        default_factory=lambda: defaultdict(RangingFigures)
-    )
-    edges: dict[str, EdgeFigures] = field(default_factory=lambda: defaultdict(EdgeFigures))
-    fits: dict[str, dict[int, FrameFit]] = field(default_factory=lambda: defaultdict(new_fits))
-    flow: dict[str, FlowFigures] = field(default_factory=lambda: defaultdict(FlowFigures))
     motion: MotionFigures = field(default_factory=MotionFigures)
-    pictures: dict[str, PictureFigures] = field(default_factory=lambda: defaultdict(PictureFigures))
     population: Population = field(default_factory=Population.empty)
     variants: VariantFigures = field(default_factory=VariantFigures)
     patch_pairs: PairFigures = field(default_factory=PairFigures)
@@ -116,18 +115,6 @@ class Figures:
         self.bytes += tables.bytes
         self.motion.add(tables.motion)
         self.population.add(tables.population)
-
-    def add_frames(self, frames: FrameFigures) -> None:
-        """Add those of all frames of an episode, but for their number: agents have the same."""
-        self.files += frames.files
-        self.bytes += frames.bytes
-        self.points_in_boxes += frames.points_in_boxes
-        self.hull.add(frames.hull)
-        _add_each(self.pairs, frames.pairs)
-        _add_each(self.edges, frames.edges)
-        _add_fits(self.fits, frames.fits)
-        _add_each(self.flow, frames.flow)
-        _add_each(self.pictures, frames.pictures)
 
     def to_dict(self, episodes: int) -> dict[str, Any]:
         """For the report."""
@@ -163,11 +150,3 @@ class Figures:
 def _add_each(totals: dict[_Key, _Figures], others: Mapping[_Key, _Figures]) -> None:
     for key, other in others.items():
         totals[key].add(other)
-
-
-def _add_fits(
-    totals: dict[str, dict[int, FrameFit]], others: Mapping[str, Mapping[int, FrameFit]]
-) -> None:
-    for camera, fits in others.items():
-        for step, fit in fits.items():
-            totals[camera][step].add(fit)

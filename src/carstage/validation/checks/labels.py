@@ -256,7 +256,7 @@ def labelled_boxes(tables: LabelTables, findings: Findings) -> dict[int, list[La
                 ego_from_box=ego_from_box,
                 extent=extent,
                 tags=frozenset(row["semantic_tags"]),
-                lidar_points=dict(row["num_lidar_points"]),
+                lidar_points=dict(row["num_lidar_points"] or ()),
                 is_ego=row["is_ego"],
                 is_static=row["is_static"],
                 is_capsule=row["box_source"] == "capsule",

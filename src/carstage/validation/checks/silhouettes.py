@@ -379,6 +379,8 @@ def _check_amodal(
         findings.add("bbox_amodal", f"{name} is labelled, but out of the image", **where)
         return
     for column, polygon in (("bbox_amodal", inside), ("bbox_amodal_unclipped", hull)):
+        if row[column] is None:
+            continue  # the check of nulls says so
         wanted = np.array(bounds(polygon))
         difference = np.abs(wanted - row[column])
         # Where a box reaches behind the camera its outline ends far away.

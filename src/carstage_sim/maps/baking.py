@@ -52,6 +52,7 @@ from carstage_sim.maps.strips import (
 from carstage_sim.maps.surfaces import Surfaces, ground_layers, surfaces
 from carstage_sim.maps.town import Town
 from carstage_sim.maps.walkways import Walkways, joined, walkways
+from carstage_sim.maps.writer import PLANS
 from carstage_sim.mesh import merge_meshes
 
 logger = logging.getLogger(__name__)
@@ -169,7 +170,7 @@ def bake(name: str, opendrive: str, options: BakeOptions = EVERYTHING) -> Town:
         name=name,
         opendrive=opendrive,
         geo_reference=plan.geo_reference,
-        spawn_points=spawn_points(lanes, spawn_rng),
+        spawn_points=spawn_points(lanes, spawn_rng, on_every_lane=name not in PLANS),
         lanes=driving_lanes(samples, plan.of_kind(SPEED_LIMIT)),
         traffic_lights=lights,
         navigation=_navigation(name, walk),

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import shapely
+import shapely.affinity
 from lxml import etree
 
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.ground import Ground
+from carstage_sim.maps.spawning import SPACING_M
 from carstage_sim.maps.town import MapLayer
 
 pytestmark = pytest.mark.xdist_group("town10")  # loaded once
@@ -40,12 +43,44 @@ def test_lights_of_different_controllers_are_never_green_together(town10):
 
 def test_spawn_points_lie_on_lanes_and_ground(town10):
     points = town10.spawn_points
-    assert len(points) > 80
+    assert len(points) >= 155  # as many as CARLA's own Town10HD: programs take them by number
     lanes = town10.lanes.location[town10.lanes.junction_id == -1]
     nearest = [np.linalg.norm(lanes[:, :2] - point[:2], axis=1).min() for point in points]
     assert max(nearest) < 1.0
     ground = Ground(town10.static_mesh).highest(points[:, :2])
     assert points[:, 2] - ground == pytest.approx(0.5, abs=0.05)
+
+
+def test_every_lane_longer_than_a_long_vehicle_has_a_spawn_point(town10):
+    lanes = town10.lanes
+    outside = lanes.junction_id == -1
+    names = np.stack([lanes.road_id, lanes.section_id, lanes.lane_id], axis=1)
+    nearest = [
+        np.linalg.norm(lanes.location[:, :2] - point[:2], axis=1).argmin()
+        for point in town10.spawn_points
+    ]
+    used = {tuple(name) for name in names[nearest].tolist()}
+    without = []
+    for name in np.unique(names[outside], axis=0).tolist():
+        mine = (names == name).all(axis=1)
+        steps = np.diff(lanes.location[mine, :2], axis=0)
+        if np.linalg.norm(steps, axis=1).sum() > SPACING_M + 0.5 and tuple(name) not in used:
+            without.append(name)
+    assert without == []
+
+
+def test_the_longest_vehicles_fit_on_all_spawn_points_at_once(town10):
+    boxes = [
+        shapely.affinity.translate(
+            shapely.affinity.rotate(shapely.box(-4.25, -1.45, 4.25, 1.45), yaw), x, y
+        )
+        for x, y, _, _, yaw, _ in town10.spawn_points.tolist()
+    ]
+    first, second = shapely.STRtree(boxes).query(boxes, predicate="intersects")
+    # Around a bend those one behind the other touch: spacing is between their middles.
+    pairs = np.stack([first, second], axis=1)[first < second].tolist()
+    overlaps = [boxes[a].intersection(boxes[b]).area for a, b in pairs]
+    assert max(overlaps, default=0.0) < 0.05
 
 
 def test_the_road_is_whole_under_every_driving_lane(town10):

@@ -11,12 +11,15 @@ from carstage.spec import Command, EpisodeSpec
 _FLAGS = ("hand_brake", "reverse", "manual_gear_shift")
 
 
-def control_rows(spec: EpisodeSpec, frames: Iterable[WorldFrame]) -> list[dict[str, Any]]:
+def control_rows(
+    spec: EpisodeSpec, frames: Iterable[WorldFrame], episode_id: str
+) -> list[dict[str, Any]]:
     """One row for each tick, saved or not.
 
     Args:
-        spec: the episode.
+        spec: the episode, or an agent's part of it.
         frames: its ticks in order.
+        episode_id: the episode's; the spec of an agent has one of its own.
     """
     rows = []
     for world in frames:
@@ -26,7 +29,7 @@ def control_rows(spec: EpisodeSpec, frames: Iterable[WorldFrame]) -> list[dict[s
                 "tick": world.tick,
                 "k": spec.saved.index(world.tick),
                 "server_frame": world.frame,
-                "episode_id": spec.episode_id,
+                "episode_id": episode_id,
                 **command,
                 **{name: bool(command[name]) for name in _FLAGS},
             }

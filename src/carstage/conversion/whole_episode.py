@@ -129,7 +129,7 @@ class _EpisodeWriter:
         if self._log.spec.ego.driver is not None:
             from carstage.annotation.controls import control_rows
 
-            rows = control_rows(self._log.spec, self._ticks())
+            rows = control_rows(self._log.spec, self._ticks(), self._log.header["episode_id"])
             self._write_table(rows_to_table(rows, CONTROL_COLUMNS, CONTROLS), CONTROLS)
 
     def write_documents(

@@ -168,6 +168,15 @@ def test_a_line_that_is_missing_is_found(dataset: Path) -> None:
     assert any("is missing" in one for one in found(dataset))
 
 
+def test_a_line_that_is_there_twice_is_found(dataset: Path) -> None:
+    def edited(rows: list[Row]) -> list[Row]:
+        return [*rows, of_camera(rows, "CAM_FRONT")]
+
+    edit_rows(dataset, FILE, edited)
+    (message,) = found(dataset)
+    assert message.endswith("is there twice")
+
+
 def test_a_missing_table_is_found(dataset: Path) -> None:
     (attempt_of(dataset) / FILE).unlink()
     assert any(FILE in one for one in found(dataset))

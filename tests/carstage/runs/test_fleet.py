@@ -88,6 +88,7 @@ def test_an_agent_s_driver_drives_it_and_its_commands_are_kept(episode: Episode)
     table = car.controls()
     assert table is not None
     assert table.num_rows == FRAMES
+    assert set(table["episode_id"].to_pylist()) == {episode.id}
     assert max(table["throttle"].to_pylist()) > 0.0
     assert episode.controls() is None
 

@@ -135,11 +135,13 @@ def test_a_pixel_that_differs_and_an_outline_that_is_elsewhere_are_found(
     table = read_table(path)
     rows = table.to_pylist()
     rows[0]["u"] = [u + 3.0 for u in rows[0]["u"]]
+    rows.append(rows[1])
     path.unlink()
     write_table(table.from_pylist(rows, schema=table.schema), path)
     picture = Path(str(episode.folder)) / "sensors" / "CAM_RIGHT" / "000002.png"
     other = picture.with_name("000001.png").read_bytes()
     picture.unlink()
     picture.write_bytes(other)
-    found = {problem.check for problem in validate_dataset(copy).problems}
-    assert {"patches", "patch_pairs"} <= found
+    problems = validate_dataset(copy).problems
+    assert {"patches", "patch_pairs"} <= {problem.check for problem in problems}
+    assert any(problem.message.endswith("it is there twice") for problem in problems)

@@ -41,7 +41,7 @@ def rows(spec: EpisodeSpec) -> list[dict[str, Any]]:
         )
         for tick in range(STEPS)
     ]  # fmt: skip
-    return control_rows(spec, frames)
+    return control_rows(spec, frames, spec.episode_id)
 
 
 def problems(spec: EpisodeSpec, rows: list[dict[str, Any]]) -> list[str]:
@@ -62,7 +62,7 @@ def problems(spec: EpisodeSpec, rows: list[dict[str, Any]]) -> list[str]:
     )
     findings = Findings("episode")
     check_controls(
-        cast("Episode", SimpleNamespace(spec=spec, controls=lambda: table)),
+        cast("Episode", SimpleNamespace(id=spec.episode_id, spec=spec, controls=lambda: table)),
         ledger,
         cast("LabelTables", SimpleNamespace(ego=ego)),
         findings,
@@ -97,6 +97,11 @@ def test_another_frame_than_the_ledgers_is_found(
 ) -> None:
     rows[2][name] += 1
     assert problems(spec, rows) == [f"{name} of controls.parquet is not the ledger's"]
+
+
+def test_another_episode_is_found(spec: EpisodeSpec, rows: list[dict[str, Any]]) -> None:
+    rows[2]["episode_id"] = "0"
+    assert problems(spec, rows) == ["episode_id of controls.parquet is not the episode's"]
 
 
 def test_a_missing_row_is_found(spec: EpisodeSpec, rows: list[dict[str, Any]]) -> None:

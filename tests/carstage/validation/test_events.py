@@ -63,7 +63,7 @@ def row(spec: EpisodeSpec) -> dict[str, Any]:
 
 def problems(spec: EpisodeSpec, *rows: dict[str, Any]) -> list[str]:
     table = rows_to_table(rows, EVENT_COLUMNS, "events.parquet")
-    episode = SimpleNamespace(spec=spec, events=lambda: table)
+    episode = SimpleNamespace(id=spec.episode_id, spec=spec, events=lambda: table)
     ledger = pa.table({"tick": range(STEPS), "k": range(STEPS)})
     objects = pa.Table.from_pylist(
         [
@@ -132,6 +132,8 @@ def test_works_are_as_near_as_the_nearest_of_what_stands_there() -> None:
         ({"begin_s": 0.7}, "begin is 0.7 s at tick 5"),
         ({"end_tick": 3, "end_s": 0.3}, "no order"),
         ({"state": "not placed"}, "state"),
+        ({"state": "cancelled"}, "state"),
+        ({"episode_id": "0"}, "episode_id"),
         ({"reason": "it rained"}, "reason"),
         ({"actors": []}, "nobody"),
     ],

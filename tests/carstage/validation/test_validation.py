@@ -336,6 +336,7 @@ def test_pixels_of_another_thing_with_that_id_are_no_error_where_labels_say_so(
         ("camera_objects.parquet", "mask_modal", "0", "mask"),
         ("camera_objects.parquet", "timestamp_s", 9.0, "label_timestamps"),
         ("objects.parquet", "num_lidar_points", [("LIDAR_TOP", 4000)], "lidar_counts"),
+        ("objects.parquet", "num_radar_points", [("RADAR_LEFT", 4)], "label_references"),
         ("objects.parquet", "timestamp_s", 9.0, "label_timestamps"),
         ("objects.parquet", "visibility", -0.1, "label_ranges"),
         ("ego.parquet", "steer", -2.0, "label_ranges"),

@@ -205,6 +205,22 @@ def freeze_the_picture(drive: Path) -> None:
     recommit(drive)
 
 
+def turn_the_radar(drive: Path) -> None:
+    """What it found lies behind the ego then, and in other boxes."""
+
+    def turned(rows: Rows) -> Rows:
+        return [{**row, "azimuth_rad": [a + 3.0 for a in row["azimuth_rad"]]} for row in rows]
+
+    edit_rows(drive, "sensors/RADAR_FRONT.parquet", turned)
+
+
+def lose_a_number_of_the_radar(drive: Path) -> None:
+    def shortened(rows: Rows) -> Rows:
+        return [{**row, "depth_m": row["depth_m"][1:]} for row in rows]
+
+    edit_rows(drive, "sensors/RADAR_FRONT.parquet", shortened)
+
+
 @pytest.mark.parametrize(
     ("damage", "expected"),
     [
@@ -218,6 +234,8 @@ def freeze_the_picture(drive: Path) -> None:
         (mirror_boxes, {"hull", "bbox_amodal", "lidar_counts"}),
         (mirror_sweeps, {"lidar_depth", "lidar_counts"}),
         (scale_sweeps, {"lidar_depth"}),
+        (turn_the_radar, {"radar_counts"}),
+        (lose_a_number_of_the_radar, {"schema"}),
         (drop_rows_of_an_object, {"label_gaps"}),
         (drop_rows_of_a_camera, {"label_missing"}),
         (drop_rows_of_the_ego, {"label_gaps"}),

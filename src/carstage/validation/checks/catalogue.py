@@ -66,6 +66,7 @@ GROUPS: Final[dict[str, dict[str, str]]] = {
         "disparity": "disparity is focal length times baseline by depth; both pictures agree",
         "patches": "outlines of patches are what corners, poses and depth images make them",
         "lidar_counts": "boxes hold as many LiDAR points as their labels say",
+        "radar_counts": "boxes hold as many radar detections as their labels say",
         "lidar_depth": "LiDAR and depth images see the same surfaces",
         "flash_beams": "points of flash LiDARs lie on their beams, within their range",
         "flash_tags": "points of semantic flash LiDARs have tags that there are",

@@ -61,6 +61,15 @@ def check_ego_columns(episode: Episode, tables: LabelTables, findings: Findings)
     same.column("speed", length(velocity), _SMALL)
     same.column("yaw_rate", turning[:, 2], _SMALL)
     same.column("yaw_rate_flu", -turning[:, 2], _SMALL)
+    gears, backwards = entries(ego, "gear"), entries(ego, "reverse")
+    # CARLA's ACarlaWheeledVehicle::FlushVehicleControl makes it of the gear that is in.
+    below = [None if gear is None else gear < 0 for gear in gears]
+    same.rows(
+        "reverse",
+        np.array([a != b for a, b in zip(backwards, below, strict=True)]),
+        backwards,
+        below,
+    )
     places = [episode.geo_frame.place(p) for p in numbers(ego, "location", 3)]
     same.column("latitude_deg", [p.latitude_deg for p in places], 1e-9)
     same.column("longitude_deg", [p.longitude_deg for p in places], 1e-9)

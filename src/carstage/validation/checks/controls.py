@@ -31,11 +31,13 @@ def check_controls(
     table = episode.controls()
     if table is None:
         return
-    require_columns(table, (*_OF_THE_LEDGER, *Command._fields), "controls.parquet")
+    require_columns(table, (*_OF_THE_LEDGER, "episode_id", *Command._fields), "controls.parquet")
     for name in _OF_THE_LEDGER:
         if entries(table, name) != entries(ledger, name):
             findings.add("controls", f"{name} of controls.parquet is not the ledger's")
             return
+    if set(entries(table, "episode_id")) - {episode.id}:
+        findings.add("controls", "episode_id of controls.parquet is not the episode's")
     applied = {row["k"]: row for row in tables.ego.select(["k", *_APPLIED]).to_pylist()}
     for row in table.to_pylist():
         if row["k"] not in applied:

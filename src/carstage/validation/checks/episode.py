@@ -30,7 +30,7 @@ from carstage.validation.checks.level import check_level_boxes
 from carstage.validation.checks.motion import check_motion, compare_motion
 from carstage.validation.checks.nulls import check_nulls
 from carstage.validation.checks.population import Population, check_episode_population
-from carstage.validation.checks.radars import check_cross_sections
+from carstage.validation.checks.radars import check_cross_sections, check_radar_counts
 from carstage.validation.checks.readings import check_readings, check_sensor_poses
 from carstage.validation.checks.server import check_self_test
 from carstage.validation.checks.tracks import check_tracks
@@ -78,7 +78,7 @@ def check_episode(episode: Episode, listing: Listing, findings: Findings) -> Tab
     check_controls(episode, ledger, tables, findings)
     figures = TableFigures(files.files, files.bytes)
     _check_objects(episode, tables, figures, findings)
-    labelled_boxes(tables, findings)
+    check_radar_counts(episode, labelled_boxes(tables, findings), findings)
     return figures
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from carstage.annotation.events import HAPPENED, NEVER_BEGAN, NOT_PLACED
 from carstage.dataset.reading import Episode
 from carstage.dataset.tables import require_columns
 from carstage.geometry import FloatArray, rotation_matrix
@@ -26,8 +27,8 @@ from carstage.validation.checks.labels import LabelTables
 from carstage.validation.checks.recomputing import entries, numbers, rows_at
 
 _COLUMNS = (
-    "event", "kind", "state", "reason", "placed_tick", "begin_tick", "end_tick", "begin_s",
-    "end_s", "actors", "parameters", "min_distance", "min_ttc", "collision",
+    "event", "kind", "episode_id", "state", "reason", "placed_tick", "begin_tick", "end_tick",
+    "begin_s", "end_s", "actors", "parameters", "min_distance", "min_ttc", "collision",
 )  # fmt: skip
 _SMALL = 1e-6
 _DISTANCE_M = 0.02
@@ -51,6 +52,8 @@ def check_events(
         return
     require_columns(table, _COLUMNS, "events.parquet")
     rows = table.to_pylist()
+    if set(entries(table, "episode_id")) - {episode.id}:
+        findings.add("events", "episode_id of events.parquet is not the episode's")
     if not _are_planned(rows, planned):
         findings.add("events", "events.parquet does not list the events that were planned")
         return
@@ -95,8 +98,11 @@ def _are_planned(
 def _times(row: Mapping[str, Any], episode: Episode) -> list[str]:
     """What is wrong with when it was."""
     placed, begin, end = row["placed_tick"], row["begin_tick"], row["end_tick"]
-    if (row["state"] == "happened") != (begin is not None):
-        return [f"its state is {row['state']}, its begin {begin}"]
+    states: tuple[str, ...] = (HAPPENED,)
+    if begin is None:
+        states = (NEVER_BEGAN,) if placed is not None else (NEVER_BEGAN, NOT_PLACED)
+    if row["state"] not in states:
+        return [f"its state is {row['state']}, it was placed at {placed} and began at {begin}"]
     if (row["reason"] is None) != (begin is not None):
         return ["it has a reason though it happened, or none though it did not"]
     given = [tick for tick in (placed, begin, end) if tick is not None]

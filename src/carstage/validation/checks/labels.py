@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from carstage.dataset.reading import Episode
 from carstage.dataset.tables import require_columns
 from carstage.geometry import invert_pose, length, multiply, pose_matrix
+from carstage.sensor_kinds.model import DETECTIONS, POINTS
 from carstage.validation.checks.findings import Findings
 from carstage.validation.checks.ledger import TIMESTAMP_TOLERANCE_S
 from carstage.validation.checks.recomputing import numbers, rows_at
@@ -63,7 +64,8 @@ _KEYS = {
     "ego": ("k",),
 }
 _BOX_ROW_COLUMNS = (
-    "k", "track_id", "semantic_tags", "num_lidar_points", "is_ego", "is_static", "box_source",
+    "k", "track_id", "semantic_tags", "num_lidar_points", "num_radar_points", "is_ego",
+    "is_static", "box_source",
 )  # fmt: skip
 _BOX_COLUMNS = (
     *_BOX_ROW_COLUMNS, "box_center", "box_rotation_deg", "box_extent", "box_center_ego",
@@ -126,7 +128,7 @@ class LabelledBox:
         ego_from_box: ``(4, 4)`` pose in the ego actor's frame.
         extent: ``(3,)`` half sizes (m).
         tags: the actor's semantic tags.
-        lidar_points: labelled number of points by LiDAR.
+        points: labelled number of points by LiDAR and by radar.
         is_ego: whether it is the vehicle that carries the sensors.
         is_static: whether it is part of the level, so that no pixel tells its id.
         is_capsule: whether it is a walker's capsule, which arms and legs leave.
@@ -136,7 +138,7 @@ class LabelledBox:
     ego_from_box: NDArray[np.float64]
     extent: NDArray[np.float64]
     tags: frozenset[int]
-    lidar_points: dict[str, int]
+    points: dict[str, int]
     is_ego: bool
     is_static: bool = False
     is_capsule: bool = False
@@ -187,12 +189,27 @@ def check_labels(
                 frame=k,
                 sensor=sensor,
             )
+    for column, content in (("num_lidar_points", POINTS), ("num_radar_points", DETECTIONS)):
+        _check_counters(episode, tables.objects, column, content, findings)
     boxed = tables.camera_objects.filter(pc.is_valid(tables.camera_objects["n_visible"]))
     counts = [pc.cast(boxed[f"n_{c}"], pa.int32())
               for c in ("visible", "occluded", "outside", "behind")]  # fmt: skip
     total = np.sum([count.to_numpy() for count in counts], axis=0)
     if len(total) and not (total == 8).all():
         findings.add("label_ranges", "camera_objects.parquet: vertices do not add up to 8")
+
+
+def _check_counters(
+    episode: Episode, objects: pa.Table, column: str, content: str, findings: Findings
+) -> None:
+    counting = {sensor.id for sensor in episode.sensors if sensor.content == content}
+    for k, counts in zip(objects["k"].to_pylist(), objects[column].to_pylist(), strict=True):
+        for unknown in sorted({name for name, _ in counts or ()} - counting):
+            findings.add(
+                "label_references",
+                f"objects.parquet: {column} counts for {unknown}, which the rig does not have",
+                frame=k,
+            )
 
 
 def _check_range(
@@ -256,7 +273,10 @@ def labelled_boxes(tables: LabelTables, findings: Findings) -> dict[int, list[La
                 ego_from_box=ego_from_box,
                 extent=extent,
                 tags=frozenset(row["semantic_tags"]),
-                lidar_points=dict(row["num_lidar_points"] or ()),
+                points={
+                    **dict(row["num_lidar_points"] or ()),
+                    **dict(row["num_radar_points"] or ()),
+                },
                 is_ego=row["is_ego"],
                 is_static=row["is_static"],
                 is_capsule=row["box_source"] == "capsule",

@@ -68,7 +68,10 @@ class LaneLineChecks:
             return
         stored: dict[str, dict[_Key, dict[str, Any]]] = {}
         for row in self._rows.rows(k):
-            stored.setdefault(row["sensor_id"], {})[_key(row)] = row
+            of_camera = stored.setdefault(row["sensor_id"], {})
+            if _key(row) in of_camera:
+                self._report(k, row["sensor_id"], f"{row['kind']} {row['map_id']} is there twice")
+            of_camera[_key(row)] = row
         for name in stored.keys() - self._cameras.keys():
             self._report(k, name, "it has lines, but is no labelled pinhole camera")
         poses = {row["sensor_id"]: row for row in self._poses.rows(k)}

@@ -6,9 +6,10 @@ from itertools import pairwise
 from typing import Any
 
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from carstage.dataset.ledger import saved_times_s
-from carstage.dataset.reading import Episode
+from carstage.dataset.reading import Episode, Sensor
 from carstage.dataset.tables import row_sensor
 from carstage.validation.checks.findings import Findings, Severity
 
@@ -86,7 +87,7 @@ def _check_time(ledger: pa.Table, fps: float, synchronous: bool, findings: Findi
 def check_row_sensors(
     episode: Episode, ledger: pa.Table, recorded: dict[str, list[int]], findings: Findings
 ) -> None:
-    """Check the tables of IMU, GNSS and radar: a row for each recorded frame, at the ledger's time.
+    """Check the tables of IMU, GNSS, radar, radio: a row for each recorded frame, at its time.
 
     Raises:
         DatasetError: a table is missing or damaged.
@@ -101,6 +102,7 @@ def check_row_sensors(
             findings.add("schema", f"{sensor.id}.parquet has other columns", sensor=sensor.id)
             continue
         ks: list[Any] = table["k"].to_pylist()
+        _check_lists(sensor, findings)
         if ks != recorded[sensor.id]:
             findings.add(
                 "frames_missing",
@@ -116,3 +118,14 @@ def check_row_sensors(
                     frame=k,
                     sensor=sensor.id,
                 )
+
+
+def _check_lists(sensor: Sensor, findings: Findings) -> None:
+    """Lists of a row have an entry for each detection or message: they are of one length."""
+    table = sensor.table
+    lists = [column for column in table.columns if pa.types.is_list(column.type)]
+    lengths = [pc.list_value_length(column).to_pylist() for column in lists]
+    for k, *of_row in zip(table["k"].to_pylist(), *lengths, strict=True):
+        if len(set(of_row)) > 1:
+            text = f"lists of the row have {min(of_row)} to {max(of_row)} entries"
+            findings.add("schema", text, frame=k, sensor=sensor.id)

@@ -59,8 +59,12 @@ class PatchChecks:
         if self._rows is None:
             return
         poses = {row["sensor_id"]: row for row in self._poses.rows(k)}
+        looked_at: set[tuple[str, str]] = set()
         for row in self._rows.rows(k):
             name = row["sensor_id"]
+            if (name, row["patch"]) in looked_at:
+                self._report(k, name, row, "it is there twice")
+            looked_at.add((name, row["patch"]))
             if name not in self._cameras or name not in poses:
                 self._report(k, name, row, "it is in no labelled pinhole camera")
                 continue

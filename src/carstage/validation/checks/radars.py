@@ -1,19 +1,23 @@
-"""Radar cross sections are those that their model may give to what was met."""
+"""Radars count what boxes hold, and cross sections are those that their model may give."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carstage.dataset.calibration import SensorCalibration
-from carstage.dataset.reading import Episode
+from carstage.dataset.reading import Episode, Sensor
 from carstage.dataset.tables import row_sensor
 from carstage.sensor_kinds.columns import Detection, RcsDetection
+from carstage.sensor_kinds.model import DETECTIONS
 from carstage.tags import TAGS_0_9_14
 from carstage.validation.checks.findings import Findings
+from carstage.validation.checks.labels import LabelledBox
+from carstage.validation.checks.ranging import check_point_counts
 
 RCS_RADAR: Final = "rcs_radar"
 _PERSON_DBSM: Final = -1.37
@@ -40,6 +44,44 @@ def check_cross_sections(episode: Episode, findings: Findings) -> None:
                 if wrong.any():
                     text = f"{int(wrong.sum())} of {len(found)} detections {what}"
                     findings.add("radar_rcs", text, frame=row["k"], sensor=sensor.id)
+
+
+def check_radar_counts(
+    episode: Episode, boxes: Mapping[int, Sequence[LabelledBox]], findings: Findings
+) -> None:
+    """Recount the detections inside each box (check ``radar_counts``).
+
+    Args:
+        episode: the episode.
+        boxes: its objects with a box, by frame.
+        findings: where problems go.
+    """
+    for sensor in episode.sensors:
+        if sensor.content != DETECTIONS:
+            continue
+        for k, found in _detections(sensor):
+            radar = sensor.calibration_at(k)
+            check_point_counts(_points(found), radar, k, boxes.get(k, ()), findings, by="radar")
+
+
+def _detections(sensor: Sensor) -> Iterator[tuple[int, NDArray[np.float32]]]:
+    """Frames and their detections; what ``check_row_sensors`` reports is left out."""
+    kind = row_sensor(sensor.kind)
+    if kind is None or not sensor.table.schema.equals(kind.schema):
+        return
+    for row in sensor.table.to_pylist():
+        if len({len(row[name]) for name, _ in kind.columns}) == 1:
+            yield row["k"], kind.array(row)
+
+
+def _points(found: NDArray[np.float32]) -> NDArray[np.float64]:
+    """``(N, 3)`` detections in the sensor's axes (m): x ahead, y to the right, z up."""
+    depth, azimuth, altitude = (
+        found[:, column].astype(np.float64)
+        for column in (Detection.DEPTH, Detection.AZIMUTH, Detection.ALTITUDE)
+    )
+    ahead = np.stack([np.cos(azimuth), np.sin(azimuth), np.tan(altitude)], axis=1)
+    return np.asarray(ahead * (depth * np.cos(altitude))[:, None])
 
 
 def _faults(found: NDArray[np.float32], radar: SensorCalibration) -> dict[str, NDArray[np.bool_]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -224,24 +224,33 @@ def check_share(
 
 def check_point_counts(
     points: NDArray[np.floating[Any]],
-    lidar: SensorCalibration,
+    sensor: SensorCalibration,
     k: int,
     boxes: Sequence[LabelledBox],
     findings: Findings,
+    by: Literal["lidar", "radar"] = "lidar",
 ) -> int:
-    """Recount the points inside each box (check ``lidar_counts``).
+    """Recount the points inside each box (checks ``lidar_counts``, ``radar_counts``).
 
     The label must lie between the counts of the box shrunk and grown by 1 cm, which is more than
     rounding can move a point.
+
+    Args:
+        points: ``(N, 3 or more)`` x, y, z (m) in the sensor's axes.
+        sensor: the LiDAR, or the radar.
+        k: the frame.
+        boxes: of the frame.
+        findings: where problems go.
+        by: what the sensor is.
 
     Returns:
         Points inside boxes, the ego's own left out.
     """
     xyz = points[:, :3].astype(np.float64).T
-    x, y, z = (_along(axis, xyz) for axis in lidar.ego_from_sensor[:3])
+    x, y, z = (_along(axis, xyz) for axis in sensor.ego_from_sensor[:3])
     order = np.argsort(x)
     x, y, z = x[order], y[order], z[order]
-    counted = [box for box in boxes if box.lidar_points.get(lidar.id) is not None]
+    counted = [box for box in boxes if box.points.get(sensor.id) is not None]
     if not counted:
         return 0
     centers = np.stack([box.ego_from_box[:3, 3] for box in counted])
@@ -253,7 +262,7 @@ def check_point_counts(
     for box, first, end, center, reach in zip(
         counted, firsts, ends, centers.tolist(), reaches.tolist(), strict=True
     ):
-        labelled = box.lidar_points[lidar.id]
+        labelled = box.points[sensor.id]
         near = first + np.flatnonzero(
             (np.abs(y[first:end] - center[1]) <= reach)
             & (np.abs(z[first:end] - center[2]) <= reach)
@@ -269,11 +278,11 @@ def check_point_counts(
         total += 0 if box.is_ego else labelled
         if not fewest <= labelled <= most:
             findings.add(
-                "lidar_counts",
-                f"object {box.track_id}: num_lidar_points is {labelled}, its box holds "
+                f"{by}_counts",
+                f"object {box.track_id}: num_{by}_points is {labelled}, its box holds "
                 + (f"{fewest}" if fewest == most else f"{fewest} to {most}"),
                 frame=k,
-                sensor=lidar.id,
+                sensor=sensor.id,
             )
     return total
 

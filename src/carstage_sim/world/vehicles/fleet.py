@@ -39,7 +39,6 @@ LONGEST_SUBSTEP_S = 0.02
 _TELEPORT_SPEED = 150.0
 _MOST_SUBSTEPS = 1000
 _LIFTS_OFF = 0.1  # m/s upwards
-_LEAST_GEAR = -(2**31) + 1  # that the message of a frame can say
 
 
 class VehicleFleet:
@@ -107,9 +106,8 @@ class VehicleFleet:
 
     @property
     def reverse(self) -> BoolArray:
-        """``(N,)`` whether a reverse gear is engaged."""
-        self._apply_commands()
-        return self._rows.reverse
+        """``(N,)`` whether a reverse gear is engaged, however it was asked for, as on CARLA."""
+        return self.gear < 0
 
     @property
     def speed(self) -> FloatArray:
@@ -119,17 +117,13 @@ class VehicleFleet:
     @property
     def gear(self) -> NDArray[np.int64]:
         """``(N,)`` engaged gear: -1 in reverse, 0 in neutral, 1 and up ahead."""
+        self._apply_commands()
         return self._rows.gear
 
     @property
     def manual(self) -> BoolArray:
         """``(N,)`` whether clients shift the gears themselves."""
         return self._rows.manual
-
-    @property
-    def manual_gear(self) -> NDArray[np.int64]:
-        """``(N,)`` gear that clients chose, also where they do not shift themselves."""
-        return self._rows.manual_gear
 
     @property
     def speed_limit_kmh(self) -> NDArray[np.float32]:
@@ -443,15 +437,13 @@ class VehicleFleet:
         rows.control[at] = np.clip(
             np.nan_to_num(controls[:, : Control.HAND_BRAKE]), (0.0, -1.0, 0.0), 1.0
         )
-        rows.hand_brake[at], rows.reverse[at], rows.manual[at] = (
+        rows.hand_brake[at], reverse, rows.manual[at] = (
             controls[:, Control.HAND_BRAKE : Control.GEAR].T != 0.0
         )
-        chosen = np.clip(controls[:, Control.GEAR], _LEAST_GEAR, -_LEAST_GEAR).astype(np.int64)
-        rows.manual_gear[at] = chosen
         before = rows.gear[at]
-        chosen = np.clip(chosen, -1, rows.gear_count[at])
+        chosen = np.clip(controls[:, Control.GEAR], -1.0, rows.gear_count[at]).astype(np.int64)
         gear = np.where(rows.manual[at], chosen, np.maximum(before, 1))
-        gear = np.where(rows.reverse[at], -1, gear)
+        gear = np.where(reverse, -1, gear)
         shifts = (gear != before) & (gear > 0) & (before > 0)
         rows.shift_left_s[at] = np.where(shifts, rows.shift_time[at], rows.shift_left_s[at])
         rows.gear[at] = gear

@@ -43,9 +43,7 @@ class VehicleRows:
     # What clients command.
     control: NDArray[np.float32]
     hand_brake: BoolArray
-    reverse: BoolArray
     manual: BoolArray
-    manual_gear: IntArray
     simulated: BoolArray
     gravity: BoolArray
     collides: BoolArray
@@ -147,14 +145,12 @@ _DTYPE: dict[str, type[Any]] = {
     "control": np.float32,
     "speed_limit_kmh": np.float32,
     "hand_brake": np.bool_,
-    "reverse": np.bool_,
     "manual": np.bool_,
     "simulated": np.bool_,
     "gravity": np.bool_,
     "collides": np.bool_,
     "airborne": np.bool_,
     "auto_box": np.bool_,
-    "manual_gear": np.int64,
     "gear": np.int64,
     "gear_count": np.int64,
 }

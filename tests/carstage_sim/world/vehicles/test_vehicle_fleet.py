@@ -180,6 +180,14 @@ def test_reverse_drives_backwards_at_a_bounded_speed() -> None:
     assert fleet.gear[0] == -1
 
 
+def test_a_reverse_gear_that_is_shifted_by_hand_is_reported_as_reverse() -> None:
+    fleet = fleet_of_one()
+    fleet.set_control(7, VehicleControl(manual_gear_shift=True, gear=-1))
+    assert fleet.reverse.tolist() == [True]
+    fleet.set_control(7, VehicleControl(manual_gear_shift=True, gear=1))
+    assert fleet.reverse.tolist() == [False]
+
+
 def test_hand_brake_holds_against_throttle_of_a_parking_car() -> None:
     fleet = fleet_of_one()
     drive(fleet, 2.0, throttle=0.5, hand_brake=True)

@@ -150,7 +150,7 @@ def bake(name: str, opendrive: str, options: BakeOptions = EVERYTHING) -> Town:
             (other.extent, surface[k]) for k, other in enumerate(levels) if other is not level
         ]
         meshes.append(bridge_mesh(surface[index], others))
-    stage.set_down(surface[0])
+    stage.set_down(surface[0], ceilings)
     if options.scenery:
         meshes.append(hills_mesh(base.ground.terrain, surface[0].height, land_rng))
         meshes += grass_tufts(base.ground, surface[0], land_rng)

@@ -21,8 +21,8 @@ from carstage_sim.mesh import Material, build_mesh, merge_meshes
 
 _TILE_M = 50.0
 _SAME_HEIGHT_M = 1e-6
-_BELOW_DECK_M = 1.3
-"""Land stays this far below the lanes of a bridge: the deck's thickness and some air."""
+BELOW_DECK_M = 1.3
+"""Land and things stay this far below the lanes of a bridge: its deck's thickness and some air."""
 
 
 class LevelSurface:
@@ -129,7 +129,7 @@ def _corner_heights(
             x, y = plan.points[below].T
             below = below[shapely.contains_xy(area, x, y)]
             if len(below):
-                top = ceiling.height(plan.points[below]) - _BELOW_DECK_M
+                top = ceiling.height(plan.points[below]) - BELOW_DECK_M
                 land[below] = np.minimum(land[below], top)
         heights[is_land] = land[plan.triangles[is_land]]
     return np.concatenate([corners, heights[..., None]], axis=2).round(6)

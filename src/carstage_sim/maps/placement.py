@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely import affinity
+from shapely.geometry.base import BaseGeometry
 
 from carstage_sim.content.solids import placed
 from carstage_sim.geometry import rotation_matrix
 from carstage_sim.labels import CityObjectLabel
-from carstage_sim.maps.ground_mesh import LevelSurface
+from carstage_sim.maps.drape import Drape
+from carstage_sim.maps.ground_mesh import BELOW_DECK_M, LevelSurface
 from carstage_sim.maps.town import LevelObject, MapLayer, OrientedBox
 from carstage_sim.mesh import TriangleMesh
 
@@ -49,6 +53,24 @@ class _Foot:
 
     rows: NDArray[np.intp]
     places: NDArray[np.float64]
+
+
+def _reaches_a_bridge(
+    mesh: TriangleMesh,
+    place: tuple[float, float, float],
+    z_m: float,
+    ceilings: Sequence[tuple[BaseGeometry, Drape]],
+) -> bool:
+    """Whether a thing that stands at a height ends above the underside of a bridge over it."""
+    x, y, yaw = place
+    (x0, y0, _), (x1, y1, top) = mesh.bounds.astype(np.float64)
+    around = affinity.rotate(shapely.box(x0, y0, x1, y1), yaw, origin=(0.0, 0.0))
+    around = affinity.translate(around, x, y)
+    return any(
+        z_m + top > float(lanes.height(np.array([[x, y]]))[0]) - BELOW_DECK_M
+        and area.intersects(around)
+        for area, lanes in ceilings
+    )
 
 
 def _foot(label: CityObjectLabel, mesh: TriangleMesh, place: tuple[float, float, float]) -> _Foot:
@@ -157,12 +179,19 @@ class SceneryPlacement:
         """x, y of the feet of lamps and other poles."""
         return [(x, y) for _, kind, _, (x, y, _) in self.waiting if kind == CityObjectLabel.POLES]
 
-    def set_down(self, surface: LevelSurface) -> None:
+    def set_down(
+        self, surface: LevelSurface, ceilings: Sequence[tuple[BaseGeometry, Drape]] = ()
+    ) -> None:
         """Puts everything on the ground.
 
         Things stand upright on the highest ground under their foot, which reaches down to the
         ground elsewhere. Vehicles lean as the road under their wheels does. Houses for which the
-        ground is too steep are not built. What grows is pruned where it meets a wall.
+        ground is too steep are not built, and nothing is put where it would reach into a bridge.
+        What grows is pruned where it meets a wall.
+
+        Args:
+            surface: the ground.
+            ceilings: areas of bridges with their lanes' heights.
         """
         if not self.waiting:
             return
@@ -176,7 +205,8 @@ class SceneryPlacement:
         standing = [
             (*thing, foot, heights)
             for thing, foot, heights in zip(self.waiting, feet, np.split(found, ends), strict=True)
-            if thing[1] != _BUILDINGS or np.ptp(heights) <= _STEEPEST_LOT_M
+            if (thing[1] != _BUILDINGS or np.ptp(heights) <= _STEEPEST_LOT_M)
+            and not _reaches_a_bridge(thing[2], thing[3], float(heights.max()), ceilings)
         ]
         walls = _walls([foot for _, label, *_, foot, _ in standing if label == _BUILDINGS])
         for name, label, mesh, place, foot, heights in standing:

@@ -70,3 +70,20 @@ def test_plants_are_pruned_where_a_wall_stands():
     assert len(mesh.triangles) == len(tree.triangles) - 12
     wall = shapely.box(6.0, -8.0, 14.0, 0.0)
     assert not shapely.contains_xy(wall, mesh.vertices[:, 0], mesh.vertices[:, 1]).any()
+
+
+@pytest.mark.parametrize(
+    ("x", "bridge_m", "stands"), [(10.0, 8.0, False), (10.0, 9.1, True), (15.5, 8.0, True)]
+)
+def test_nothing_is_put_where_it_would_reach_into_a_bridge(
+    x: float, bridge_m: float, stands: bool
+) -> None:
+    class Deck:
+        def height(self, points):
+            return np.full(len(points), bridge_m)
+
+    post = box((0.0, 0.0, 1.0), (1.0, 0.5, 1.0), Material.METAL, CityObjectLabel.POLES)
+    placement = SceneryPlacement()
+    placement.put("Post", CityObjectLabel.POLES, post, (x, -4.0, 0.0))  # 5.7 to 7.8 m high
+    placement.set_down(Slope(), [(shapely.box(6.0, -8.0, 14.0, 0.0), Deck())])
+    assert bool(placement.objects) is stands

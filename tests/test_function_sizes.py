@@ -91,6 +91,7 @@ REASONS = {
     "carstage_sim/sensors/voxel_kernels.py measure": _KERNEL,
     "carstage_sim/simulation.py __init__": _DEFAULTS,
     "carstage_sim/wire/framing.py _scan": _LOOP,
+    "carstage_sim/world/contacts/boxes.py _touching": _KERNEL,
     "carstage_sim/world/contacts/obstacles.py _touching": _KERNEL,
     "carstage_sim/world/contacts/separating_axes.py least_way_out": _KERNEL,
     "carstage_sim/world/signals/trigger_boxes.py _find_owners": _KERNEL,

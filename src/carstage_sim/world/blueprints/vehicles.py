@@ -177,6 +177,7 @@ def _parameters(row: _Row) -> VehicleParameters:
         box_center_x_m=row.center[0],
         half_length_m=row.extent[0],
         half_width_m=row.extent[1],
+        height_m=row.center[1] + row.extent[2],
     )
     if row.base_type == _TRUCK and row.name != "tesla.cybertruck":
         base = replace(base, max_acceleration=3.0, power_per_mass=30.0, max_deceleration=8.0)

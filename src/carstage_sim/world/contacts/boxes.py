@@ -1,4 +1,4 @@
-"""Which boxes are in each other: vehicles, walkers and props, seen from above."""
+"""Which boxes are in each other: vehicles, walkers and props, upright ones."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ TOWN = -1
 """Stands for the second body of a contact with the town."""
 
 _NORMAL_X, _NORMAL_Y, _DEPTH, _POINT_X, _POINT_Y = map(int, Touch)
-_SAME_LEVEL_M = 2.0
 _ROUNDING_M = 1e-9
 
 
@@ -49,13 +48,16 @@ def axes_of(yaw_rad: FloatArray) -> FloatArray:
     return np.stack([np.stack([cosine, sine], -1), np.stack([-sine, cosine], -1)], axis=1)
 
 
-def find_contacts(center: FloatArray, half_size: FloatArray, yaw_rad: FloatArray) -> list[Contact]:
+def find_contacts(
+    center: FloatArray, half_size: FloatArray, yaw_rad: FloatArray, span: FloatArray
+) -> list[Contact]:
     """All pairs of overlapping boxes, by separating axes, in ascending order of their rows.
 
     Args:
-        center: ``(N, 3)`` centres of the boxes; those more than 2 m apart in height never touch.
+        center: ``(N, 2 or 3)`` centres of the boxes, seen from above.
         half_size: ``(N, 2)`` half length and half width, metres.
         yaw_rad: ``(N,)`` headings.
+        span: ``(N, 2)`` heights of their undersides and tops, world metres.
     """
     radius = np.hypot(half_size[:, 0], half_size[:, 1])
     order = np.argsort(center[:, 0] - radius, kind="stable")
@@ -63,7 +65,7 @@ def find_contacts(center: FloatArray, half_size: FloatArray, yaw_rad: FloatArray
     while True:
         pairs, shapes = np.empty((capacity, 2), np.int64), np.empty((capacity, 5))
         count = _touching(
-            center, half_size, radius, np.cos(yaw_rad), np.sin(yaw_rad), order, pairs, shapes
+            center, half_size, span, radius, np.cos(yaw_rad), np.sin(yaw_rad), order, pairs, shapes
         )
         if count <= capacity:
             break
@@ -84,7 +86,7 @@ def find_contacts(center: FloatArray, half_size: FloatArray, yaw_rad: FloatArray
 
 @brief_kernel
 def _touching(  # type: ignore[no-untyped-def]
-    center, half_size, radius, cosine, sine, order, pairs, shapes
+    center, half_size, span, radius, cosine, sine, order, pairs, shapes
 ):
     """Writes all pairs that touch, as far as there is room; returns how many there are.
 
@@ -108,7 +110,7 @@ def _touching(  # type: ignore[no-untyped-def]
             reach = radius[first] + radius[second]
             if dx * dx + dy * dy >= reach * reach:
                 continue
-            if abs(center[second, 2] - center[first, 2]) >= _SAME_LEVEL_M:
+            if span[first, 1] <= span[second, 0] or span[second, 1] <= span[first, 0]:
                 continue
             depth, normal_x, normal_y = least_way_out(
                 dx, dy,

@@ -16,6 +16,8 @@ from carstage_sim.world.vehicles.rows import VehicleRows
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
+GROUND_CLEARANCE_M = 0.21
+"""Between the road and a car's underside: scenarios have cars drive over heaps of 0.2 m."""
 LONGEST_WAY_M = 0.4
 """How far a vehicle may move between two looks: less than half its width, or it could end up with
 its middle behind a wall."""
@@ -29,6 +31,7 @@ class Others:
         center: ``(M, 3)`` world metres.
         half_size: ``(M, 2)`` metres.
         yaw_rad: ``(M,)``.
+        span: ``(M, 2)`` heights of underside and top, world metres.
         velocity: ``(M, 2)`` m/s.
         inverse_mass: ``(M,)`` 1/kg; 0 for what cannot be pushed.
         carrier: ``(M,)`` int64 id of the actor that each is attached to, 0 for none.
@@ -37,14 +40,15 @@ class Others:
     center: FloatArray
     half_size: FloatArray
     yaw_rad: FloatArray
+    span: FloatArray
     velocity: FloatArray
     inverse_mass: FloatArray
     carrier: NDArray[np.int64]
 
 
 NOTHING = Others(
-    np.zeros((0, 3)), np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)), np.zeros(0),
-    np.zeros(0, np.int64),
+    np.zeros((0, 3)), np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)), np.zeros((0, 2)),
+    np.zeros(0), np.zeros(0, np.int64),
 )  # fmt: skip
 
 
@@ -122,6 +126,7 @@ class Crashes:
                 np.concatenate([center, others.center]),
                 np.concatenate([rows.half_size, others.half_size]),
                 np.concatenate([yaw_rad, others.yaw_rad]),
+                np.concatenate([_span(rows), others.span]),
             )
             if contact.first < count
             and rows.collides[contact.first]
@@ -158,6 +163,12 @@ class Crashes:
             ),
             inverse_inertia=np.concatenate([np.where(free, rows.inverse_inertia, 0.0), nothing]),
         )
+
+
+def _span(rows: VehicleRows) -> FloatArray:
+    """``(N, 2)`` heights of the vehicles' undersides and roofs; what is lower, they drive over."""
+    ground = rows.location[:, 2]
+    return np.column_stack([ground + GROUND_CLEARANCE_M, ground + rows.height])
 
 
 def centers(rows: VehicleRows) -> tuple[FloatArray, FloatArray]:

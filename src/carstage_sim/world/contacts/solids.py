@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage_sim.geometry import rotation_matrix
+from carstage_sim.maps.lights import HEAD_HEIGHT_M
 from carstage_sim.world.actors import Actor, ActorTable
 from carstage_sim.world.blueprints.props import has_shape
 from carstage_sim.world.columns import Rotation
@@ -13,6 +17,8 @@ from carstage_sim.world.state import ActorKind
 
 WALKER_MASS_KG = 75.0
 _POLE_HALF_WIDTH_M = 0.1
+_POLE_DEPTH_M = 1.0
+"""How far a pole reaches into the ground, which may slope."""
 
 
 class Solids:
@@ -57,6 +63,7 @@ class Solids:
             center=center,
             half_size=np.array(half_size, np.float64).reshape(-1, 2),
             yaw_rad=np.radians(table.rotation_deg[rows, Rotation.YAW]),
+            span=_spans(self.actors, table.location[rows], table.rotation_deg[rows]),
             velocity=velocity,
             inverse_mass=mass,
             carrier=np.array([actor.parent_id for actor in self.actors], np.int64),
@@ -74,3 +81,20 @@ class Solids:
         moved = self.others.center[:count, :2] - place
         table.location[self._rows, :2] += np.where(own[:, None], moved, 0.0)
         return self._walkers, self.others.velocity[:count] - velocity
+
+
+def _spans(
+    actors: Sequence[Actor], location: NDArray[np.float64], rotation_deg: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """``(N, 2)`` heights of undersides and tops of the actors' boxes, world metres."""
+    if not actors:
+        return np.zeros((0, 2))
+    box_center = np.array([actor.box_center for actor in actors], np.float64)
+    extent = np.array([actor.box_extent for actor in actors], np.float64)
+    up = rotation_matrix(rotation_deg)[:, 2]
+    middle = location[:, 2] + (up * box_center).sum(axis=1)
+    half = (np.abs(up) * extent).sum(axis=1)
+    poles = np.array([actor.kind is ActorKind.TRAFFIC_LIGHT for actor in actors])
+    low = np.where(poles, location[:, 2] - _POLE_DEPTH_M, middle - half)
+    high = np.where(poles, location[:, 2] + HEAD_HEIGHT_M, middle + half)
+    return np.column_stack([low, high])

@@ -56,6 +56,7 @@ class VehicleParameters:
         track_m: distance between the left and right wheels.
         mass_kg: kerb weight.
         box_center_x_m, half_length_m, half_width_m: footprint for contacts, in the vehicle's frame.
+        height_m: of the box's top above the road.
         max_acceleration: m/s^2 at full throttle and low speed.
         power_per_mass: W/kg at the wheels; bounds the acceleration at speed v to ``power / v``.
         max_deceleration: m/s^2 at full brake.
@@ -76,6 +77,7 @@ class VehicleParameters:
     box_center_x_m: float
     half_length_m: float
     half_width_m: float
+    height_m: float
     max_acceleration: float = 4.5
     power_per_mass: float = 75.0
     max_deceleration: float = 9.0

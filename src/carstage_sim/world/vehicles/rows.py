@@ -91,6 +91,7 @@ class VehicleRows:
     inverse_inertia: FloatArray
     box_center_x: FloatArray
     half_size: FloatArray
+    height: FloatArray
     torque: FloatArray
     max_rpm: FloatArray
     rpm_per_speed: FloatArray
@@ -201,5 +202,6 @@ def parameter_values(parameters: VehicleParameters) -> dict[str, ArrayLike]:
         "inverse_inertia": 12.0 / (mass_kg * (length**2 + width**2)),
         "box_center_x": parameters.box_center_x_m,
         "half_size": (parameters.half_length_m, parameters.half_width_m),
+        "height": parameters.height_m,
         **powertrain.gear_values(parameters),
     }

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from carstage_sim.maps import Town
+from carstage_sim.maps.spawning import HEIGHT_M
 from carstage_sim.world.actors import Actor
 from carstage_sim.world.contacts.solids import WALKER_MASS_KG
 from carstage_sim.world.pose import Pose, compose
@@ -48,6 +49,30 @@ def drive(world: World, car: Actor, speed: float) -> None:
 def test_no_collision_without_a_touch(world: World) -> None:
     ahead(world, CAR, 12.0)
     assert first_collisions(world) == ()
+
+
+@pytest.mark.parametrize(
+    ("prop", "above_road_m", "stops"),
+    [
+        ("static.prop.ironplank", 0.0, False),
+        ("static.prop.dirtdebris02", 0.0, False),
+        ("static.prop.trafficcone01", 0.0, True),
+        ("static.prop.trafficcone01", 1.8, False),
+        ("static.prop.trafficcone01", -1.2, False),
+    ],
+)
+def test_a_car_drives_over_what_is_flat_and_under_what_is_high(
+    world: World, prop: str, above_road_m: float, stops: bool
+) -> None:
+    x, y, z, pitch, yaw, roll = world.town.spawn_points[0].tolist()
+    place = Pose((x, y, z), (pitch, yaw, roll))
+    car = world.spawn(CAR, {}, place)
+    world.spawn(prop, {}, compose(place, Pose((8.0, 0.0, above_road_m - HEIGHT_M))))
+    drive(world, car, 10.0)
+    found = first_collisions(world)
+    assert bool(found) is stops
+    behind = math.dist(world.actors.pose(car.actor_id).location[:2], (x, y)) > 9.0
+    assert behind is not stops
 
 
 def test_a_rear_end_reports_both_cars_and_the_momentum_that_passed(world: World) -> None:

@@ -17,6 +17,7 @@ from carstage_sim.world.controls import VehicleControl
 from carstage_sim.world.vehicles.fleet import VehicleFleet
 
 HALF = np.array([[2.4, 1.0], [1.9, 0.9]])
+LEVEL = np.array([[0.15, 1.5], [0.15, 1.5]])
 
 
 def footprint(x: float, y: float, yaw_rad: float, half: np.ndarray) -> Polygon:
@@ -36,11 +37,11 @@ def test_contacts_are_the_overlaps_and_pushing_by_the_depth_ends_them(
 ) -> None:
     center, yaw = np.array([[0.0, 0.0, 0.0], [x, y, 0.0]]), np.array([yaw_a, yaw_b])
     overlap = footprint(0, 0, yaw_a, HALF[0]).intersection(footprint(x, y, yaw_b, HALF[1]))
-    contacts = find_contacts(center, HALF, yaw)
+    contacts = find_contacts(center, HALF, yaw, LEVEL)
     if overlap.area > 1e-6:
         (contact,) = contacts
         center[1, :2] += contact.normal * (contact.depth_m + 1e-9)
-        assert find_contacts(center, HALF, yaw) == []
+        assert find_contacts(center, HALF, yaw, LEVEL) == []
     elif overlap.is_empty:
         assert contacts == []
 
@@ -100,6 +101,8 @@ def test_boxes_that_all_touch_are_all_found_in_order() -> None:
     count = 30  # more pairs than a list of so many boxes begins with
     center = np.zeros((count, 3))
     center[:, 0] = np.linspace(1.0, 0.0, count)
-    contacts = find_contacts(center, np.tile(HALF[0], (count, 1)), np.zeros(count))
+    contacts = find_contacts(
+        center, np.tile(HALF[0], (count, 1)), np.zeros(count), np.tile(LEVEL[0], (count, 1))
+    )
     pairs = [(contact.first, contact.second) for contact in contacts]
     assert pairs == [(i, j) for i in range(count) for j in range(i + 1, count)]

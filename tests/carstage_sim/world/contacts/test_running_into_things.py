@@ -144,7 +144,7 @@ def test_collisions_keep_momentum_and_never_add_energy(a: tuple, b: tuple) -> No
     bodies = Bodies(
         center, half_size, rows[:, 2], rows[:, 3:5].copy(), rows[:, 5].copy(), 1 / mass, 1 / inertia
     )
-    contacts = find_contacts(center, half_size, rows[:, 2])
+    contacts = find_contacts(center, half_size, rows[:, 2], np.tile((0.15, 1.5), (2, 1)))
 
     def momentum() -> np.ndarray:
         return (mass[:, None] * bodies.velocity).sum(axis=0)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import cast
+
 import numpy as np
 import pyarrow as pa
 import pytest
@@ -13,14 +16,22 @@ from hypothesis.extra import numpy as arrays
 from carstage.annotation.rle import encode_mask
 from carstage.annotation.schema import TABLES
 from carstage.conversion.segment import label_schema
+from carstage.dataset.calibration import SensorCalibration
 from carstage.dataset.masks import decode_mask
 from carstage.dataset.tables import RowSensor, arrow_type, read_table, row_sensor, write_table
 from carstage.errors import DatasetError
 from carstage.geometry import convex_hull
-from carstage.validation.checks.edges import boundaries, compare_edges, steepness
+from carstage.validation.checks.edges import (
+    WINDOW,
+    FrameFit,
+    boundaries,
+    check_windows,
+    compare_edges,
+    steepness,
+)
 from carstage.validation.checks.findings import Findings
 from carstage.validation.checks.ranging import RangingFigures, check_share
-from carstage.validation.checks.silhouettes import distance_outside
+from carstage.validation.checks.silhouettes import check_hull_px, distance_outside
 
 coordinates = st.floats(-50.0, 50.0, width=32)
 points = st.lists(st.tuples(coordinates, coordinates), min_size=3, max_size=12)
@@ -155,3 +166,27 @@ def test_few_points_may_agree_less(
     figures = RangingFigures(comparable, comparable, agreeing)
     check_share(figures, "LIDAR", "DEPTH", findings, frame=frame)
     assert (not findings.problems()) is right
+
+
+@pytest.mark.parametrize(("deviation", "reported"), [(26.0, False), (6.0, True)])
+def test_pictures_are_late_only_where_chance_does_not_explain_it(
+    deviation: float, reported: bool
+) -> None:
+    pixels = 51
+    fit = FrameFit(
+        *(value for mean in (21.4, 24.9) for value in (
+            mean * pixels, (mean**2 + deviation**2) * pixels, pixels
+        ))
+    )  # fmt: skip
+    findings = Findings("episode")
+    check_windows("CAM", [(k, fit) for k in range(WINDOW)], findings)
+    assert bool(findings.problems()) is reported
+
+
+@pytest.mark.parametrize(("hull_px", "reported"), [(6075, False), (6120, False), (6030, True)])
+def test_an_edge_along_a_column_of_pixels_may_count_it_or_not(hull_px: int, reported: bool) -> None:
+    camera = cast("SensorCalibration", SimpleNamespace(bent=None, width=240, height=136))
+    hull = [(10.2, 20.2), (145.49975, 20.2), (145.49975, 65.2), (10.2, 65.2)]
+    findings = Findings("episode")
+    check_hull_px(camera, "object 57", {"hull_px": hull_px}, hull, findings, {"frame": 0})
+    assert bool(findings.problems()) is reported

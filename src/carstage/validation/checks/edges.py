@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -19,6 +20,8 @@ MORE_IN_THE_MIRROR = 1.25
 WINDOW = 5
 """So many frames in a row that fit their neighbours' labels better are reported."""
 MIN_WINDOW_PIXELS = 200
+MIN_DEVIATIONS = 3.0
+"""Of the difference between the two means: chance must not explain it."""
 _SHIFT_SHARE = 8
 
 
@@ -165,20 +168,24 @@ def check_mirrored(
 class FrameFit:
     """How images fit the labels of a neighbouring frame instead of their own.
 
-    Sums of steepness, and pixels: ``own`` where only the frame's own labels change, ``other``
-    where only the neighbour's do.
+    Sums of steepness, of its squares, and pixels: ``own`` where only the frame's own labels
+    change, ``other`` where only the neighbour's do.
     """
 
     own: float = 0.0
+    own_squares: float = 0.0
     own_pixels: int = 0
     other: float = 0.0
+    other_squares: float = 0.0
     other_pixels: int = 0
 
     def add(self, other: FrameFit) -> None:
         """Add the sums of other images."""
         self.own += other.own
+        self.own_squares += other.own_squares
         self.own_pixels += other.own_pixels
         self.other += other.other
+        self.other_squares += other.other_squares
         self.other_pixels += other.other_pixels
 
     def add_image(
@@ -191,11 +198,13 @@ class FrameFit:
         only_own, only_other = (
             np.flatnonzero(a & ~_grown(b)) for a, b in ((own, other), (other, own))
         )
-        flat = steep.ravel()
-        self.own += float(flat[only_own].sum())
-        self.own_pixels += len(only_own)
-        self.other += float(flat[only_other].sum())
-        self.other_pixels += len(only_other)
+        here, there = (steep.ravel()[only].astype(np.float64) for only in (only_own, only_other))
+        self.own += float(here.sum())
+        self.own_squares += float(here @ here)
+        self.own_pixels += len(here)
+        self.other += float(there.sum())
+        self.other_squares += float(there @ there)
+        self.other_pixels += len(there)
 
     @property
     def ratio(self) -> float | None:
@@ -207,6 +216,14 @@ class FrameFit:
         if min(self.own_pixels, self.other_pixels) < pixels:
             return None
         return (self.own / self.own_pixels) / max(self.other / self.other_pixels, 1e-3)
+
+    @property
+    def deviations(self) -> float:
+        """By how many standard deviations the mean at the neighbour's boundaries is the larger."""
+        own, other = self.own / self.own_pixels, self.other / self.other_pixels
+        spread = (self.own_squares / self.own_pixels - own**2) / self.own_pixels
+        spread += (self.other_squares / self.other_pixels - other**2) / self.other_pixels
+        return (other - own) / math.sqrt(max(spread, 1e-12))
 
     @property
     def rounded(self) -> float | None:
@@ -231,7 +248,7 @@ def check_frame_fit(camera_id: str, fits: Mapping[int, FrameFit], findings: Find
         findings: where problems go.
     """
     for step, fit in sorted(fits.items()):
-        if fit.ratio is not None and fit.ratio < MIN_FIT:
+        if fit.ratio is not None and fit.ratio < MIN_FIT and fit.deviations >= MIN_DEVIATIONS:
             findings.add(
                 "rgb_frame",
                 f"the images show the frame {'after' if step > 0 else 'before'}: where its labels "
@@ -255,7 +272,9 @@ def check_windows(camera_id: str, fits: Sequence[tuple[int, FrameFit]], findings
         for _, fit in window:
             total.add(fit)
         ratio = total.ratio_from(MIN_WINDOW_PIXELS)
-        if ratio is not None and ratio < MIN_FIT:
+        if ratio is None or ratio >= MIN_FIT:
+            continue
+        if total.deviations >= MIN_DEVIATIONS:
             findings.add(
                 "rgb_frame",
                 f"the images of frames {window[0][0]} to {window[-1][0]} show the frame before",

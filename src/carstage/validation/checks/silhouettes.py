@@ -40,6 +40,8 @@ BODY_REACH_M = np.array([0.5, 0.5, 0.2])
 BOX_MARGIN_M = 0.05
 """By how much a box is larger whose silhouette ``outside_px`` and ``hull_px`` are about."""
 OUTSIDE_TOLERANCE_PX = 2
+_EDGE_PX = 0.02
+"""So far from its place may an edge of a silhouette be: poses are rounded."""
 _FAR_SHARE, _SHARE_TOLERANCE = 1e-4, 1e-3
 CHORD_SHARE = 0.1
 """Of an object's pixels, those at its edge that an outline of chords may cut off or add."""
@@ -245,7 +247,7 @@ def check_silhouettes(
             continue
         _check_amodal(camera, name, row, hull, findings, where)
         if box.track_id in around.grown:
-            _check_hull_px(camera, name, row, around.grown[box.track_id], findings, where)
+            check_hull_px(camera, name, row, around.grown[box.track_id], findings, where)
         mask = _mask(camera, name, row, findings, where)
         if not row["visible_px"]:
             continue
@@ -400,7 +402,7 @@ def _check_amodal(
             )
 
 
-def _check_hull_px(
+def check_hull_px(
     camera: SensorCalibration,
     name: str,
     row: Mapping[str, Any],
@@ -412,12 +414,28 @@ def _check_hull_px(
     if camera.bent is not None or len(hull) < 3:
         return
     inside = centres_inside(hull, camera.width, camera.height)
-    if abs(inside - row["hull_px"]) > OUTSIDE_TOLERANCE_PX:
+    if abs(inside - row["hull_px"]) <= OUTSIDE_TOLERANCE_PX:
+        return
+    # An edge along a column of centres: rounding of poses decides for all of them.
+    fewest, most = (
+        centres_inside(_grown(hull, by_px), camera.width, camera.height)
+        for by_px in (-_EDGE_PX, _EDGE_PX)
+    )
+    if not fewest - OUTSIDE_TOLERANCE_PX <= row["hull_px"] <= most + OUTSIDE_TOLERANCE_PX:
         findings.add(
             "hull",
             f"{name}: the silhouette of its box has {inside} pixels, hull_px is {row['hull_px']}",
             **where,
         )
+
+
+def _grown(hull: Sequence[Point], by_px: float) -> list[Point]:
+    """The outline with its bounds so much farther out on each side."""
+    corners = np.array(hull, np.float64)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    share = 1.0 + 2.0 * by_px / np.maximum(high - low, 2.0 * abs(by_px))
+    middle = 0.5 * (low + high)
+    return [(float(u), float(v)) for u, v in middle + (corners - middle) * share]
 
 
 def centres_inside(hull: Sequence[Point], width: int, height: int) -> int:

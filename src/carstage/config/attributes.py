@@ -137,11 +137,11 @@ class SweepAttributes(SensorAttributes):
         return self
 
     def rotation_hz(self, fps: float) -> float:
-        """Turns per second in a run at ``fps``."""
+        """Turns per second of a LiDAR that measures ``fps`` times a second."""
         return fps if self.rotation_frequency_hz == "auto" else self.rotation_frequency_hz
 
     def rays_per_second(self, fps: float) -> int:
-        """Rays of all lasers in a simulated second at ``fps``."""
+        """Rays of all lasers in a second, of a LiDAR that measures ``fps`` times in it."""
         if self.points_per_second == "auto":
             return round(self.channels * RAYS_PER_CHANNEL * fps)
         return self.points_per_second

@@ -402,12 +402,13 @@ class Config(Section):
         if sensor.row.content == MESSAGES:
             _check_intervals(path, attributes)
         if isinstance(attributes, SweepAttributes):
-            turns = attributes.rotation_hz(self.fps) / self.fps
+            rate_hz = sensor.measures_hz(self.fps)
+            turns = attributes.rotation_hz(rate_hz) / rate_hz
             if turns > 1.0 + _SLACK:
                 raise problem(
-                    f"{attributes.rotation_hz(self.fps):g} Hz make {turns:g} turns in a step, "
-                    "so a sweep would overwrite itself.",
-                    f"Use `auto` or at most {self.fps:g} Hz, the frame rate.",
+                    f"{attributes.rotation_hz(rate_hz):g} Hz make {turns:g} turns in a sweep, "
+                    "which would overwrite itself.",
+                    f"Use `auto` or at most {rate_hz:g} Hz, at which it measures.",
                     *path,
                     "attributes",
                     "rotation_frequency_hz",
@@ -451,13 +452,20 @@ class Config(Section):
         for path, sensor in self.located_sensors():
             attributes = sensor.attributes
             if isinstance(attributes, SweepAttributes):
-                share = attributes.rotation_hz(self.fps) / self.fps
+                rate_hz = sensor.measures_hz(self.fps)
+                share = attributes.rotation_hz(rate_hz) / rate_hz
                 if share < 1.0 - _SLACK:
                     field = path_text((*path, "attributes", "rotation_frequency_hz"))
                     found.append(
-                        f"{field}: at {attributes.rotation_hz(self.fps):g} Hz each file holds "
+                        f"{field}: at {attributes.rotation_hz(rate_hz):g} Hz each file holds "
                         f"{share:.0%} of a turn; `auto` makes whole turns."
                     )
+            pose = sensor.pose
+            if sensor.kind == "imu" and (pose.roll_deg, pose.pitch_deg, pose.yaw_deg) != (0, 0, 0):
+                found.append(
+                    f"{path_text((*path, 'pose'))}: CARLA turns the gyroscope of a turned IMU the "
+                    "wrong way round. Mount it unrotated."
+                )
         return found
 
     @property

@@ -205,7 +205,11 @@ class Sensor(Section):
 
     def carla(self, *, fps: float, image_size: tuple[int, int]) -> dict[str, str]:
         """Attribute strings that it is spawned with, in a run with that default image size."""
-        return self.attributes.carla(fps=fps, image_size=image_size)
+        return self.attributes.carla(fps=self.measures_hz(fps), image_size=image_size)
+
+    def measures_hz(self, fps: float) -> float:
+        """How often it measures in a simulated second of a run at ``fps``."""
+        return fps if self.rate_hz is None else self.rate_hz
 
     @property
     def needs_cube(self) -> bool:

@@ -30,7 +30,7 @@ from carstage.config.attributes import attributes_model
 from carstage.config.drivers import AutopilotDriver
 from carstage.config.timing import MAX_SUBSTEPS, Timing
 from carstage.config.traffic import VehicleGroup
-from carstage.errors import ConfigError
+from carstage.errors import BadInputError, ConfigError
 from carstage.sensor_kinds import kinds
 from carstage.sensor_kinds.attributes import COLOUR_CAMERA, LIDAR
 
@@ -254,6 +254,23 @@ def test_a_partial_sweep_is_warned_of_with_its_field() -> None:
     assert warning.startswith("rig.sensors[1].attributes.rotation_frequency_hz: ")
     assert "50%" in warning
     assert parse_config(ONE % "semantic_lidar").warnings() == []
+
+
+def test_a_turned_imu_is_warned_of() -> None:
+    (warning,) = parse_config(ONE % "imu, pose: {roll_deg: 90}").warnings()
+    assert warning.startswith("rig.sensors[1].pose: ")
+    assert parse_config(ONE % "imu, pose: {x: 1, z: 2}").warnings() == []
+
+
+def test_a_lidar_of_a_rate_of_its_own_makes_one_turn_in_a_measurement() -> None:
+    slow = "fps: 20\ntiming: {sensor_sync: false}\n" + ONE % "lidar, rate_hz: 5"
+    config = parse_config(slow)
+    strings = config.sensors[1].carla(fps=config.fps, image_size=config.image_size)
+    assert float(strings["rotation_frequency"]) == 5.0
+    assert int(strings["points_per_second"]) == 64 * 1024 * 5
+    assert config.warnings() == []
+    with pytest.raises(BadInputError, match="at most 5 Hz"):
+        parse_config(slow.replace("rate_hz: 5", "rate_hz: 5, attributes: {rotation_frequency: 20}"))
 
 
 def test_short_scenario_is_the_autopilot() -> None:

@@ -72,7 +72,7 @@ def write_sensors(config: Any) -> str:
                 **{
                     name: _number(value)
                     for name, value in sensor.attributes.carla(
-                        fps=config.fps, image_size=config.image_size
+                        fps=sensor.measures_hz(config.fps), image_size=config.image_size
                     ).items()
                 },
             }

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 import yaml
 from numpy.typing import NDArray
 
-from carstage.dataset import Dataset
+from carstage.dataset import Dataset, Frame
 from carstage.errors import BadInputError
 from carstage.exporters import ExportOptions, export_dataset
-from carstage.exporters.clouds import nearest_rays
+from carstage.exporters.clouds import LabelledCloud, nearest_rays
+from carstage.exporters.formats.semantic_kitti import point_labels
 from carstage.tags import TAGS_0_9_14
 from carstage.testing.exporter import ExporterTests
 from driving import carstage
@@ -137,6 +140,25 @@ def test_what_moves_has_a_moving_class(exported: Path, drive: Path) -> None:
         assert speed[label >> 16] > 0.2
     parked = {label >> 16 for label in np.unique(labels[(labels & 0xFFFF) == 10]).tolist()}
     assert all(speed.get(actor, 0.0) <= 0.2 for actor in parked)
+
+
+@pytest.mark.parametrize(
+    ("speed_m_s", "expected"), [(3.0, [253, 253, 255, 255]), (0.0, [11, 31, 15, 32])]
+)
+def test_what_is_ridden_moves_in_one_class_with_its_rider(
+    speed_m_s: float, expected: list[int]
+) -> None:
+    number = {tag.name: value for value, tag in TAGS_0_9_14.items()}
+    tags = [number[name] for name in ("Bicycle", "Rider", "Motorcycle", "Rider")]
+    cloud = LabelledCloud(
+        np.zeros((4, 4), np.float32), np.array(tags, np.uint8), np.array([7, 7, 8, 8], np.uint32)
+    )
+    objects = {
+        track: {"class": name, "velocity": [speed_m_s, 0.0, 0.0]}
+        for track, name in ((7, "bicycle"), (8, "motorcycle"))
+    }
+    frame = cast("Frame", SimpleNamespace(objects=objects, ego=None))
+    assert (point_labels(cloud, frame) & 0xFFFF).tolist() == expected
 
 
 def test_poses_lead_from_sweep_to_sweep(exported: Path, drive: Path) -> None:

@@ -46,7 +46,10 @@ NAMES: Final[dict[int, str]] = {
     252: "moving-car", 253: "moving-bicyclist", 254: "moving-person", 255: "moving-motorcyclist",
     256: "moving-on-rails", 257: "moving-bus", 258: "moving-truck",
 }  # fmt: skip
-_MOVING: Final = {10: 252, 31: 253, 30: 254, 32: 255, 16: 256, 13: 257, 18: 258}
+_MOVING: Final = {
+    10: 252, 11: 253, 31: 253, 30: 254, 15: 255, 32: 255, 16: 256, 13: 257, 18: 258,
+}  # fmt: skip
+"""What is ridden moves with who rides it, in one class."""
 _BICYCLIST, _MOTORCYCLIST = 31, 32
 _THINGS: Final = (10, 11, 13, 15, 16, 18, 30, 31, 32)
 _TR: Final = np.eye(4)

@@ -39,6 +39,7 @@ agents:
     rig:
       sensors:
         - {{id: CAM, kind: rgb}}
+        - {{id: IMU, kind: imu}}
   - name: mast
     kind: junction
     rig:

@@ -179,7 +179,8 @@ def _check_imu(
     rotation = numbers(own, "rotation_deg", 3)
     compass = [compass_rad(yaw) for yaw in rotation[:, 1].tolist()]
     same.column("compass_rad", compass, _COMPASS_RAD, period=2.0 * np.pi)
-    _check_gyroscope(sensor, table, own, tables, same)
+    if episode.spec.ego.is_vehicle:  # what carries the sensors of others has no turn rate
+        _check_gyroscope(sensor, own, tables, same)
     spec = episode.spec
     if spec.save_every != 1 or not spec.timing.synchronous:
         return
@@ -196,9 +197,7 @@ def _check_imu(
     same.column("accelerometer", force, _FORCE_M_S2 + rounding + max(noise))
 
 
-def _check_gyroscope(
-    sensor: Sensor, table: pa.Table, own: pa.Table, tables: LabelTables, same: Recomputed
-) -> None:
+def _check_gyroscope(sensor: Sensor, own: pa.Table, tables: LabelTables, same: Recomputed) -> None:
     camera = sensor.calibration
     if not _is_fixed_on_ego(camera):
         return

@@ -66,18 +66,27 @@ def hill_road() -> str:
 
 
 def crossing_on_two_levels() -> str:
-    """A road along x, and one along y that crosses 6 m above it."""
+    """A road along x, and one along y that crosses 6 m above it; each has a speed limit's sign."""
     up, down = (20, 0, 0, 6 * 3 / 80**2, -6 * 2 / 80**3), (100, 6, 0, 0, 0)
     over = (200, 6, 0, -6 * 3 / 80**2, 6 * 2 / 80**3)
     profile = ((0, 0, 0, 0, 0), up, down, over, (280, 0, 0, 0, 0))
-    below = road(1, -150, 0, 0, 300)
-    above = road(2, 0, -150, 1.5707963267948966, 300, elevation=profile)
+    below = road(1, -150, 0, 0, 300, signals=_speed_limit(7, 60))
+    signs = _speed_limit(8, 150)
+    above = road(2, 0, -150, 1.5707963267948966, 300, elevation=profile, signals=signs)
     return document(below, above)
 
 
 def parking_street() -> str:
     """A street with parking lanes and sidewalks."""
     return document(road(1, 0, 0, 0, 240, lanes=_CITY_LANES))
+
+
+def _speed_limit(signal_id: int, s: float) -> str:
+    return (
+        f'<signal id="{signal_id}" name="" s="{s}" t="-6" zOffset="0" hOffset="0" roll="0" '
+        'pitch="0" orientation="+" dynamic="no" country="OpenDRIVE" type="274" subtype="-1" '
+        'value="60"><validity fromLane="-1" toLane="-1"/></signal>'
+    )
 
 
 def light(signal_id: int, s: float, lanes: tuple[int, int], t: float = -6.0) -> str:

@@ -25,7 +25,7 @@ from carstage_sim.maps.drape import Drape, profile_cuts
 from carstage_sim.maps.greenery import grass_tufts
 from carstage_sim.maps.ground_mesh import LevelSurface
 from carstage_sim.maps.horizon import hills_mesh
-from carstage_sim.maps.levels import station_levels
+from carstage_sim.maps.levels import CLEARANCE_M, station_levels
 from carstage_sim.maps.lights import light_sites
 from carstage_sim.maps.navmesh import fits_in_a_tile, navigation_file
 from carstage_sim.maps.road_wear import UNWORN, road_wear
@@ -123,7 +123,10 @@ def bake(name: str, opendrive: str, options: BakeOptions = EVERYTHING) -> Town:
     base = levels[0]
     logger.info("baking %s: %d lanes on %d levels; scenery", name, len(lanes), len(levels))
     bridges = [level.extent for level in levels[1:]]
-    stage = scenery(base.ground, base.lanes, plan, bridges, scenery_rng, bare=not options.scenery)
+    grounded = _on_the_ground(plan, base.drape)
+    stage = scenery(
+        base.ground, base.lanes, grounded, bridges, scenery_rng, bare=not options.scenery
+    )
     logger.info("baking %s: ground", name)
     ceilings = [(level.extent, level.drape) for level in levels[1:]]
     surface: list[LevelSurface] = []
@@ -221,6 +224,16 @@ def _nearest_level(drapes: dict[int, Drape], place: NDArray[np.float64], z_m: fl
     if len(drapes) == 1:
         return next(iter(drapes))
     return min(drapes, key=lambda n: abs(float(drapes[n].height(place)[0]) - z_m))
+
+
+def _on_the_ground(plan: SignalPlan, lanes: Drape) -> SignalPlan:
+    """The plan without signals of bridges: their posts would stand on what lies below."""
+    # The road's height, not that of a plate over it.
+    of_roads = [s.lanes[0].stop[:3] if s.lanes else s.location for s in plan.signals]
+    places = np.array(of_roads, np.float64).reshape(-1, 3)
+    above_m = places[:, 2] - lanes.height(places[:, :2]) if len(places) else np.zeros(0)
+    kept = [s for s, m in zip(plan.signals, above_m.tolist(), strict=True) if m < CLEARANCE_M]
+    return dataclasses.replace(plan, signals=tuple(kept))
 
 
 def _land_cuts(level: _Level) -> list[BaseGeometry]:

@@ -72,6 +72,12 @@ def test_a_road_that_crosses_above_another_is_a_bridge(bridge):
     assert (mesh.tag == CityObjectLabel.GUARD_RAIL).any()
 
 
+def test_a_sign_of_a_bridge_does_not_stand_on_the_road_below(bridge):
+    signs = [one for one in bridge.level_objects if one.label == CityObjectLabel.TRAFFIC_SIGNS]
+    (sign,) = signs
+    assert sign.box.center[:2] == pytest.approx((-90.0, 6.0), abs=0.3)
+
+
 def test_land_covers_no_road_and_lies_below_bridges(bridge):
     mesh = bridge.static_mesh
     land = mesh.vertices[mesh.triangles[mesh.tag == CityObjectLabel.TERRAIN]].astype(np.float64)

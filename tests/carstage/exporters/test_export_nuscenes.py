@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -16,6 +16,7 @@ from carstage.errors import BadInputError
 from carstage.exporters import ExportOptions
 from carstage.exporters.formats.nuscenes_can_bus import can_messages
 from carstage.exporters.formats.nuscenes_files import lidar_file, radar_file
+from carstage.exporters.formats.nuscenes_frame import radar_velocity
 from carstage.exporters.formats.nuscenes_scenes import key_frame_step
 from devkits import NUSCENES_VERSION, check_point_counts, nuscenes_marks
 
@@ -264,6 +265,18 @@ def test_rings_follow_from_elevation() -> None:
     rows = np.frombuffer(lidar_file(points, attributes), np.float32).reshape(-1, 5)
     assert rows[:, 4].tolist() == [0, 1, 2, 3, 4]
     np.testing.assert_allclose(rows[:, 1], points[:, 0])  # forward is y
+
+
+def test_a_radar_moves_with_the_turning_of_its_car() -> None:
+    row = {"velocity": [10.0, 0.0, 0.0], "angular_velocity": [0.0, 0.0, 0.5],
+           "actor_location": [5.0, 5.0, 0.0]}  # fmt: skip
+    pose = np.eye(4)
+    pose[:3, 3] = (7.0, 5.0, 1.0)  # 2 m ahead of the pivot
+    frame = SimpleNamespace(objects={9: row}, world_from_sensor=lambda _: pose)
+    scene = SimpleNamespace(car=SimpleNamespace(track_id=9))
+    radar = SimpleNamespace(id="RADAR")
+    found = radar_velocity(*(cast("Any", one) for one in (scene, frame, radar)))
+    assert found.tolist() == pytest.approx([10.0, -1.0, 0.0])  # clockwise: to the right
 
 
 def test_the_devkit_reads_radar_files(devkit, tmp_path: Path) -> None:

@@ -158,7 +158,7 @@ class SceneWriter:
             path.write_bytes(lidar_file(points, sensor.attributes, rings))
         else:
             path = stem.with_name(stem.name + ".pcd")
-            velocity = _radar_velocity(scene, frame, sensor)
+            velocity = radar_velocity(scene, frame, sensor)
             path.write_bytes(radar_file(frame.read(sensor_id), velocity))
         return {
             "filename": path.relative_to(folder).as_posix(),
@@ -269,13 +269,19 @@ def _pose_row(pose: FloatArray) -> dict[str, Any]:
     }
 
 
-def _radar_velocity(scene: CarScene, frame: Frame, radar: SensorCalibration) -> FloatArray:
-    """The radar's own velocity along its axes, from the car's; its turning is left out."""
+def radar_velocity(scene: CarScene, frame: Frame, radar: SensorCalibration) -> FloatArray:
+    """The radar's own velocity along its axes: the car's, and what its turning adds out there."""
     carrier = None if scene.car.track_id is None else frame.objects.get(scene.car.track_id)
     if carrier is not None:
         world_from_radar = frame.world_from_sensor(radar.id)
-        return flu_vector(world_from_radar[:3, :3].T @ np.array(carrier["velocity"]))
+        arm = world_from_radar[:3, 3] - np.array(carrier["actor_location"])
+        turning = carrier["angular_velocity"] or (0.0, 0.0, 0.0)  # walkers have none
+        velocity = np.array(carrier["velocity"]) + np.cross(turning, arm)
+        return flu_vector(world_from_radar[:3, :3].T @ velocity)
     if not scene.car.is_ego or frame.ego is None:
         return np.zeros(3)
-    velocity = np.array(frame.ego["velocity_ego"])
+    arm = radar.carrier_from_sensor[:3, 3]
+    velocity = np.array(frame.ego["velocity_ego"]) + np.cross(
+        frame.ego["angular_velocity_ego"], arm
+    )
     return flu_vector(radar.carrier_from_sensor[:3, :3].T @ velocity)

@@ -9,6 +9,7 @@ import math
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from signal import Signals
@@ -28,6 +29,7 @@ from carstage_sim.maps.horizon import hills_mesh
 from carstage_sim.maps.levels import CLEARANCE_M, station_levels
 from carstage_sim.maps.lights import light_sites
 from carstage_sim.maps.navmesh import fits_in_a_tile, navigation_file
+from carstage_sim.maps.placement import SceneryPlacement
 from carstage_sim.maps.road_wear import UNWORN, road_wear
 from carstage_sim.maps.scenery import scenery
 from carstage_sim.maps.signals import (
@@ -122,11 +124,7 @@ def bake(name: str, opendrive: str, options: BakeOptions = EVERYTHING) -> Town:
     levels = _levels(lanes, crosswalks(samples), plan)
     base = levels[0]
     logger.info("baking %s: %d lanes on %d levels; scenery", name, len(lanes), len(levels))
-    bridges = [level.extent for level in levels[1:]]
-    grounded = _on_the_ground(plan, base.drape)
-    stage = scenery(
-        base.ground, base.lanes, grounded, bridges, scenery_rng, bare=not options.scenery
-    )
+    stage = _scenery(levels, plan, scenery_rng, bare=not options.scenery)
     logger.info("baking %s: ground", name)
     ceilings = [(level.extent, level.drape) for level in levels[1:]]
     surface: list[LevelSurface] = []
@@ -224,6 +222,16 @@ def _nearest_level(drapes: dict[int, Drape], place: NDArray[np.float64], z_m: fl
     if len(drapes) == 1:
         return next(iter(drapes))
     return min(drapes, key=lambda n: abs(float(drapes[n].height(place)[0]) - z_m))
+
+
+def _scenery(
+    levels: Sequence[_Level], plan: SignalPlan, rng: np.random.Generator, *, bare: bool
+) -> SceneryPlacement:
+    """All that stands on the ground; see :func:`scenery`."""
+    base, *others = levels
+    bridges = [level.extent for level in others]
+    grounded = _on_the_ground(plan, base.drape)
+    return scenery(base.ground, base.lanes, grounded, bridges, rng, bare=bare)
 
 
 def _on_the_ground(plan: SignalPlan, lanes: Drape) -> SignalPlan:

@@ -117,7 +117,7 @@ class CameraAttributes(SensorAttributes):
 
 
 class SweepAttributes(SensorAttributes):
-    """What goes beyond the rows of a rotating LiDAR. The defaults make one full sweep per tick."""
+    """What goes beyond the rows of a rotating LiDAR. The defaults make one turn in a sweep."""
 
     if TYPE_CHECKING:
         channels: int

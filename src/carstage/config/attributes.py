@@ -140,6 +140,10 @@ class SweepAttributes(SensorAttributes):
         """Turns per second of a LiDAR that measures ``fps`` times a second."""
         return fps if self.rotation_frequency_hz == "auto" else self.rotation_frequency_hz
 
+    def turns(self, fps: float) -> float:
+        """Turns in a sweep of a LiDAR that measures ``fps`` times a second."""
+        return self.rotation_hz(fps) / fps
+
     def rays_per_second(self, fps: float) -> int:
         """Rays of all lasers in a second, of a LiDAR that measures ``fps`` times in it."""
         if self.points_per_second == "auto":

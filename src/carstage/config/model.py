@@ -403,7 +403,7 @@ class Config(Section):
             _check_intervals(path, attributes)
         if isinstance(attributes, SweepAttributes):
             rate_hz = sensor.measures_hz(self.fps)
-            turns = attributes.rotation_hz(rate_hz) / rate_hz
+            turns = attributes.turns(rate_hz)
             if turns > 1.0 + _SLACK:
                 raise problem(
                     f"{attributes.rotation_hz(rate_hz):g} Hz make {turns:g} turns in a sweep, "
@@ -453,19 +453,16 @@ class Config(Section):
             attributes = sensor.attributes
             if isinstance(attributes, SweepAttributes):
                 rate_hz = sensor.measures_hz(self.fps)
-                share = attributes.rotation_hz(rate_hz) / rate_hz
+                share = attributes.turns(rate_hz)
                 if share < 1.0 - _SLACK:
                     field = path_text((*path, "attributes", "rotation_frequency_hz"))
                     found.append(
                         f"{field}: at {attributes.rotation_hz(rate_hz):g} Hz each file holds "
                         f"{share:.0%} of a turn; `auto` makes whole turns."
                     )
-            pose = sensor.pose
-            if sensor.kind == "imu" and (pose.roll_deg, pose.pitch_deg, pose.yaw_deg) != (0, 0, 0):
-                found.append(
-                    f"{path_text((*path, 'pose'))}: CARLA turns the gyroscope of a turned IMU the "
-                    "wrong way round. Mount it unrotated."
-                )
+            if sensor.kind == "imu" and sensor.pose.is_turned:
+                why = "CARLA turns the gyroscope of a turned IMU the wrong way round"
+                found.append(f"{path_text((*path, 'pose'))}: {why}. Mount it unrotated.")
         return found
 
     @property

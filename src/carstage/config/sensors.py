@@ -85,6 +85,11 @@ class Pose(Section):
     pitch_deg: float = _degrees("Pitch", "Positive: up.")
     yaw_deg: float = _degrees("Yaw", "Positive: to the right.")
 
+    @property
+    def is_turned(self) -> bool:
+        """Whether it looks elsewhere than its carrier."""
+        return (self.roll_deg, self.pitch_deg, self.yaw_deg) != (0.0, 0.0, 0.0)
+
 
 class Sensor(Section):
     """What all sensors have; the base of the kinds."""

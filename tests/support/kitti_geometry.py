@@ -30,5 +30,6 @@ def corners(row: list[float]) -> NDArray[np.float64]:
 
 
 def pixels(points: NDArray[np.float64], projection: NDArray[np.float64]) -> NDArray[np.float64]:
+    """``(N, 2)`` pixels from the picture's corner; KITTI's count from the first one's centre."""
     uvw = np.column_stack([points, np.ones(len(points))]) @ projection.T
-    return uvw[:, :2] / uvw[:, 2:]
+    return uvw[:, :2] / uvw[:, 2:] + 0.5

@@ -4,11 +4,27 @@ from __future__ import annotations
 
 from typing import Any, Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from carstage.dataset import SensorCalibration
 from carstage.errors import BadInputError
 
+FIRST_CENTRE_PX: Final = 0.5
+"""Where the centre of the first pixel is, in pixels that count from the picture's corner."""
+
 ROS_MODELS: Final = {"brown_conrady": "plumb_bob", "kannala_brandt": "equidistant"}
 """Names of ``sensor_msgs/CameraInfo`` and of Foxglove by the camera model."""
+
+
+def opencv_matrix(camera: SensorCalibration) -> NDArray[np.float64]:
+    """``(3, 3)`` intrinsics of pixels that count from the centre of the first one, as OpenCV's do.
+
+    So do those of KITTI, nuScenes and ROS; a dataset's own count from the picture's corner.
+    """
+    matrix = np.array(camera.k, np.float64)
+    matrix[:2, 2] -= FIRST_CENTRE_PX
+    return matrix
 
 
 def lens_entry(camera: SensorCalibration) -> dict[str, Any]:

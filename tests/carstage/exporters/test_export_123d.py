@@ -161,8 +161,9 @@ def test_boxes_project_onto_the_pictures(scene: Any, episode: Episode) -> None:
             uv, _, depth = camera.project_points_global(corners[:, :3])
             assert (depth > 0.0).all()
             np.testing.assert_allclose(
-                [*uv.min(axis=0), *uv.max(axis=0)], row["bbox_amodal_unclipped"], atol=0.01
-            )
+                [*uv.min(axis=0) + 0.5, *uv.max(axis=0) + 0.5],  # from pixels' centres
+                row["bbox_amodal_unclipped"], atol=0.01,
+            )  # fmt: skip
             compared[sensor] = compared.get(sensor, 0) + 1
     assert min(compared.values()) >= 6
     assert len(compared) == 2

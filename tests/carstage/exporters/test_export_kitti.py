@@ -50,7 +50,7 @@ def test_labels_parse_and_project_back_within_a_pixel(exported, dataset) -> None
             ]  # fmt: skip
             uv = pixels(corners(box), projection)
             found = [*uv.min(axis=0), *uv.max(axis=0)]
-            np.testing.assert_allclose(found, seen["bbox_amodal_unclipped"], atol=1.0)
+            np.testing.assert_allclose(found, seen["bbox_amodal_unclipped"], atol=0.05)
             inside = np.clip(found, 0, [WIDTH, HEIGHT, WIDTH, HEIGHT])
             np.testing.assert_allclose([left, top, right + 1, bottom + 1], inside, atol=1.0)
             compared += 1

@@ -282,7 +282,7 @@ def test_cubes_project_onto_the_annotations_of_the_picture(messages: Messages, d
             for row in seen:
                 uv = uvw[:, :2] / uvw[:, 2:]
                 np.testing.assert_allclose(
-                    [*uv.min(axis=0), *uv.max(axis=0)], row["bbox_amodal_unclipped"], atol=0.5
+                    [*uv.min(axis=0), *uv.max(axis=0)], row["bbox_amodal_unclipped"], atol=0.05
                 )
                 compared += 1
     assert compared >= 12

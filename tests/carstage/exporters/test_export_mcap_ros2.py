@@ -87,8 +87,9 @@ def test_pictures_are_the_dataset_s(messages: Messages, episode: Episode) -> Non
         np.testing.assert_array_equal(pixels(messages[topic][K][1]), values, topic)
     info = messages["/CAM_LEFT/camera_info"][K][1]
     camera = episode.sensor("CAM_LEFT").calibration
-    np.testing.assert_array_equal(info.k, camera.k.ravel())
-    np.testing.assert_array_equal(np.reshape(info.p, (3, 4))[:, :3], camera.k)
+    from_centre = camera.k - [[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]]
+    np.testing.assert_array_equal(info.k, from_centre.ravel())
+    np.testing.assert_array_equal(np.reshape(info.p, (3, 4))[:, :3], from_centre)
     assert (info.width, info.height) == (camera.width, camera.height)
 
 
@@ -177,6 +178,7 @@ def test_transforms_and_labels_are_those_of_the_other_kind(
     for detection, loop, text in zip(seen, drawn.points, drawn.texts, strict=True):
         low, high = loop.points[0], loop.points[2]
         centre = detection.bbox.center.position
-        assert (centre.x, centre.y) == pytest.approx(((low.x + high.x) / 2, (low.y + high.y) / 2))
+        middle = ((low.x + high.x) / 2 - 0.5, (low.y + high.y) / 2 - 0.5)
+        assert (centre.x, centre.y) == pytest.approx(middle)  # from pixels' centres
         assert detection.bbox.size_x == pytest.approx(high.x - low.x)
         assert f"{detection.results[0].hypothesis.class_id} {detection.id}" == text.text

@@ -201,7 +201,7 @@ def test_boxes_project_onto_the_2d_boxes(devkit, nusc, dataset) -> None:
             _, boxes, intrinsic = nusc.get_sample_data(sample["data"][channel])
             for box in boxes:
                 uv = devkit.view_points(box.corners(), intrinsic, normalize=True)[:2]
-                found = [*uv.min(axis=1), *uv.max(axis=1)]
+                found = [*uv.min(axis=1) + 0.5, *uv.max(axis=1) + 0.5]  # from pixels' centres
                 depth = float(box.center[2])
                 (seen,) = [
                     r for r in rows
@@ -209,7 +209,7 @@ def test_boxes_project_onto_the_2d_boxes(devkit, nusc, dataset) -> None:
                     and abs(r["depth_center"] - depth) < 1e-3
                 ]  # fmt: skip
                 if not seen["n_behind"]:
-                    np.testing.assert_allclose(found, seen["bbox_amodal_unclipped"], atol=0.5)
+                    np.testing.assert_allclose(found, seen["bbox_amodal_unclipped"], atol=0.05)
                     compared += 1
     assert compared >= 12
 

@@ -99,7 +99,8 @@ def test_calibration_and_pictures_are_the_pair_s(exported: Path, stereo: Path) -
     found = {name: np.array(rest.split(), float) for name, rest in (x.split(":") for x in lines)}
     assert found["S_rect_02"].tolist() == [WIDTH, HEIGHT]
     left, right = (found[f"P_rect_{number}"].reshape(3, 4) for number in ("02", "03"))
-    np.testing.assert_allclose(left, np.hstack([k, np.zeros((3, 1))]))
+    from_centre = k - [[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]]
+    np.testing.assert_allclose(left, np.hstack([from_centre, np.zeros((3, 1))]))
     assert right[0, 3] == pytest.approx(-k[0, 0] * BASELINE_M)
     for folder, camera in (("image_2", "CAM_FRONT"), ("image_3", "CAM_RIGHT")):
         picture = np.asarray(Image.open(exported / folder / "000001_10.png"))

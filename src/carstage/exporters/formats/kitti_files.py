@@ -21,6 +21,7 @@ from carstage.exporters.axes import (
 from carstage.exporters.class_map import ClassMap
 from carstage.exporters.classes import CLASSES, DONT_CARE, RIDER
 from carstage.exporters.labels import CameraLabel, occlusion_level
+from carstage.exporters.lenses import opencv_matrix
 from carstage.exporters.options import ExportOptions
 from carstage.exporters.views import View
 from carstage.geometry import kitti_rectangle, specific_force
@@ -89,7 +90,7 @@ def calibration_matrices(frame: Frame, view: View) -> dict[str, NDArray[np.float
     All four cameras are the labelled one, whose matrix is ``P2``. The IMU is the car's pivot;
     without a LiDAR, so is the velodyne.
     """
-    projection = np.hstack([view.camera.k, np.zeros((3, 1))])
+    projection = np.hstack([opencv_matrix(view.camera), np.zeros((3, 1))])
     car_from_camera = view.car_from_sensor(frame, view.camera.id)
     car_from_lidar = np.eye(4) if view.lidar is None else view.car_from_sensor(frame, view.lidar.id)
     return {

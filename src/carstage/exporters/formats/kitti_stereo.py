@@ -18,6 +18,7 @@ from carstage.exporters.exporter import Exporter, register
 from carstage.exporters.formats.kitti_files import numbers
 from carstage.exporters.formats.kitti_object import part_of
 from carstage.exporters.formats.pictures import copy_as_png
+from carstage.exporters.lenses import opencv_matrix
 from carstage.exporters.options import ExportOptions
 from carstage.exporters.rigs import colour_cameras
 from carstage.geometry import FloatArray
@@ -173,7 +174,7 @@ def _calibration(pair: StereoPair) -> list[tuple[str, FloatArray]]:
     """The rows of ``calib_cam_to_cam`` that stereo needs; cameras 02 and 03 are the pair."""
     rows: list[tuple[str, FloatArray]] = []
     for number, camera, shift_m in (("02", pair.left, 0.0), ("03", pair.right, pair.baseline_m)):
-        projection = np.hstack([camera.k, np.zeros((3, 1))])
+        projection = np.hstack([opencv_matrix(camera), np.zeros((3, 1))])
         projection[0, 3] = -camera.k[0, 0] * shift_m
         size = np.array([[camera.width, camera.height]], np.float64)
         rows += [(f"S_rect_{number}", size), (f"R_rect_{number}", np.eye(3))]

@@ -38,6 +38,7 @@ from carstage.exporters.formats.rig_123d import (
     radar_slots,
 )
 from carstage.exporters.labels import boxed_objects, lidar_points
+from carstage.exporters.lenses import opencv_matrix
 from carstage.exporters.options import ExportOptions
 from carstage.exporters.rigs import colour_cameras
 from carstage.geometry import FloatArray, pose_matrix
@@ -145,7 +146,7 @@ def _boxes() -> Modality:
 
 def _camera(camera: SensorCalibration, slot: Slot) -> Iterator[tuple[str, Modality]]:
     """A colour camera, and the depth camera of its pose."""
-    (fx, skew, cx), (_, fy, cy), _ = camera.k.tolist()
+    (fx, skew, cx), (_, fy, cy), _ = opencv_matrix(camera).tolist()
     metadata = {
         "camera_model": "pinhole",
         "camera_name": camera.id,

@@ -39,6 +39,7 @@ from carstage.exporters.formats.nuscenes_segmentation import panoptic_file, poin
 from carstage.exporters.formats.nuscenes_tables import token
 from carstage.exporters.formats.occ3d import occ3d_file
 from carstage.exporters.formats.pictures import copy_picture
+from carstage.exporters.lenses import opencv_matrix
 from carstage.exporters.road_cells import SurfaceSensors, surface_cells
 from carstage.geometry import FloatArray, pose_matrix
 from carstage.sensor_kinds.model import CLOUDS
@@ -258,7 +259,7 @@ def calibrated_sensor(sensor: SensorCalibration) -> dict[str, Any]:
         pose = flu_pose(sensor.carrier_from_sensor)
     return {
         **_pose_row(pose),
-        "camera_intrinsic": sensor.k.tolist() if sensor.is_camera else [],
+        "camera_intrinsic": opencv_matrix(sensor).tolist() if sensor.is_camera else [],
     }
 
 

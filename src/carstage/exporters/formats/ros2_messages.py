@@ -21,7 +21,7 @@ from carstage.exporters.formats.mcap_messages import (
     nanoseconds,
 )
 from carstage.exporters.formats.ros2_types import definition, message_class, serialise
-from carstage.exporters.lenses import ros_distortion
+from carstage.exporters.lenses import FIRST_CENTRE_PX, opencv_matrix, ros_distortion
 from carstage.geometry import FloatArray
 from carstage.report.drawing import class_colour
 
@@ -164,6 +164,7 @@ def _pixels(record: records.Pixels, time: Any) -> _Made:
 
 def _camera(record: records.CameraModel, time: Any) -> _Made:
     camera = record.camera
+    matrix = opencv_matrix(camera)
     model, coefficients = ros_distortion(camera)
     whole = _make(
         "sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0,
@@ -172,8 +173,8 @@ def _camera(record: records.CameraModel, time: Any) -> _Made:
     yield f"/{camera.id}/camera_info", _make(
         "sensor_msgs/msg/CameraInfo", header=_header(time, camera.id), height=camera.height,
         width=camera.width, distortion_model=model, d=np.array(coefficients, np.float64),
-        k=camera.k.ravel(),
-        r=np.eye(3).ravel(), p=np.hstack([camera.k, np.zeros((3, 1))]).ravel(), binning_x=0,
+        k=matrix.ravel(),
+        r=np.eye(3).ravel(), p=np.hstack([matrix, np.zeros((3, 1))]).ravel(), binning_x=0,
         binning_y=0, roi=whole,
     )  # fmt: skip
 
@@ -183,7 +184,10 @@ def _labels(record: records.Labels, time: Any) -> _Made:
     detections = []
     for name, label in record.labels:
         x0, y0, x1, y1 = label.box
-        middle = _make("vision_msgs/msg/Point2D", x=(x0 + x1) / 2, y=(y0 + y1) / 2)
+        middle = _make(
+            "vision_msgs/msg/Point2D",
+            x=(x0 + x1) / 2 - FIRST_CENTRE_PX, y=(y0 + y1) / 2 - FIRST_CENTRE_PX,
+        )  # fmt: skip
         box = _make(
             "vision_msgs/msg/BoundingBox2D", size_x=x1 - x0, size_y=y1 - y0,
             center=_make("vision_msgs/msg/Pose2D", position=middle, theta=0.0),

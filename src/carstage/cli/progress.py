@@ -72,8 +72,10 @@ class LineProgress:
         if event.workers:
             self._write(_line_of_workers(event))
             return
+        counts = event.episodes
+        number = counts.committed + counts.skipped + counts.failed + 1
         self._write(
-            f"Episode {current.index + 1} of {event.episodes.total}: "
+            f"Episode {number} of {counts.total}: "
             f"recorded {_of(current.ticks_done, current.ticks_total)} steps, "
             f"converted {_of(current.frames_converted, current.frames_total)} frames."
         )

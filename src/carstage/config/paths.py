@@ -8,6 +8,8 @@ from typing import Any
 
 from carstage.config.fields import path_text, shortened, unknown
 from carstage.config.plain_values import DEEPEST
+from carstage.config.presets import RIG_PRESETS
+from carstage.config.rig import default_rig
 from carstage.errors import ConfigError
 
 #: Sections that may be written as their `choice` alone.
@@ -46,6 +48,7 @@ def place_value(
         ConfigError: there is no such place.
     """
     source = source or path_text(path)
+    _list_sensors(document, path)
     here: Any = document
     for position, step in enumerate(path):
         last = position == len(path) - 1
@@ -58,6 +61,11 @@ def place_value(
             name = str(step)
             if last:
                 here[name] = value
+            elif isinstance(path[position + 1], int) and not isinstance(here.get(name), list):
+                raise ConfigError(
+                    f"{source}: {path_text(path[: position + 1])} is no list here.",
+                    f"Set {path_text(path[: position + 1])} as a whole.",
+                )
             elif not isinstance(here.get(name), dict | list):
                 here[name] = _long_form(here, name, path[position + 1])
             here = here[name]
@@ -67,6 +75,20 @@ def place_value(
                 f"{source}: {above}, and nothing is below that.",
                 f"Set {path_text(path[:position])} instead.",
             )
+
+
+def _list_sensors(document: dict[str, Any], path: Sequence[str | int]) -> None:
+    """Write out the sensors of the rig's preset, or of no rig, when the path is below one."""
+    if [*path[:2]] != ["rig", "sensors"] or len(path) < 3:
+        return
+    if (rig := document.get("rig")) is None:
+        document["rig"] = default_rig().model_dump(mode="json", exclude_unset=True)
+    elif isinstance(rig, dict) and (preset := RIG_PRESETS.get(str(rig.get("preset")))):
+        listed = rig.get("sensors") or []
+        ids = [one.get("id") for one in listed if isinstance(one, dict)]
+        if not listed or (isinstance(path[2], str) and path[2] not in ids):
+            del rig["preset"]
+            rig["sensors"] = [*preset.make(), *listed]
 
 
 def _long_form(document: dict[str, Any], name: str, key: str | int) -> dict[str, Any]:

@@ -34,6 +34,13 @@ def test_log_gets_a_line_every_five_seconds() -> None:
     ]
 
 
+def test_episodes_of_a_part_are_counted_from_its_first() -> None:
+    lines: list[str] = []
+    part = events.Progress("recording", EpisodeCounts(total=2), CurrentEpisode("e", 5, "a1"))
+    LineProgress(lines.append)(part)
+    assert lines == ["Episode 1 of 2: recorded 0 steps, converted 0 frames."]
+
+
 def test_estimate_is_shown_before_the_run() -> None:
     lines: list[str] = []
     estimate = RunEstimate(106_000_000, 375_000_000, 482_000_000, 25.0)

@@ -116,6 +116,7 @@ def test_override_sets_one_value(override: str, value: Callable[[Any], Any]) -> 
         ("rig.sensors[LIDAR].id=X", "LIDAR_TOP"),
         ("fps=-1", "fps: -1"),
         ("fpx=1", "'fps'"),
+        ("events[0].kind=x", "events is no list"),
     ],
 )
 def test_bad_override_is_refused(override: str, message: str) -> None:
@@ -137,6 +138,34 @@ def test_override_keeps_what_a_short_form_said(
     short: str, override: str, choice: str | None
 ) -> None:
     assert parse_config(short, [override]).weather.choice == choice
+
+
+@pytest.mark.parametrize(
+    ("text", "sensor", "count", "position"),
+    [
+        ("rig: {preset: nuscenes}", "CAM_FRONT", 14, 0),
+        ("rig: {preset: nuscenes}", "0", 14, 0),
+        ("rig: {preset: nuscenes, sensors: [{id: EXTRA, kind: rgb}]}", "CAM_FRONT", 15, 0),
+        ("rig: {preset: nuscenes, sensors: [{id: EXTRA, kind: rgb}]}", "EXTRA", 15, 14),
+        ("rig: {preset: nuscenes, sensors: [{id: EXTRA, kind: rgb}]}", "0", 15, 14),
+        ("", "CAM_FRONT", 1, 0),
+    ],
+)
+def test_override_reaches_the_sensors_of_a_preset(
+    text: str, sensor: str, count: int, position: int
+) -> None:
+    plain = parse_config(text).sensors
+    found = parse_config(text, [f"rig.sensors[{sensor}].attributes.fov_deg=61"]).sensors
+    assert len(found) == len(plain) == count
+    assert found[position].attributes.fov_deg == 61.0
+    assert [one for one in found if one.id != found[position].id] == [
+        one for one in plain if one.id != found[position].id
+    ]
+
+
+def test_override_of_a_sensor_that_a_preset_lacks_names_those_it_has() -> None:
+    with pytest.raises(ConfigError, match="CAM_FRONT"):
+        parse_config("rig: {preset: nuscenes}", ["rig.sensors[CAM_FRONTAL].attributes.fov_deg=61"])
 
 
 def test_override_of_a_map_replaces_its_short_form() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from benchmarks.simulator.traffic.recording import Partner, Recording
@@ -16,33 +18,33 @@ _LOOK_EVERY_S = 0.5
 
 
 def collision_pairs(recording: Recording, kind: Partner) -> list[tuple[int, int, int]]:
-    """Distinct pairs of each five seconds: the first tick and the two actor ids.
+    """Pairs that touched: the first tick and the two actor ids.
 
     Both vehicles of a pair report, and so does every tick in which they touch: all that counts once
-    in each window.
+    in five seconds from the first touch.
     """
-    window = round(WINDOW_S / recording.delta_s)
-    first: dict[tuple[int, int, int], int] = {}
     rows = np.flatnonzero(recording.collision_kind == kind)
-    for tick, one, other in zip(
-        recording.collision_tick[rows].tolist(),
-        recording.collision_vehicle[rows].tolist(),
-        recording.collision_other[rows].tolist(),
-        strict=True,
-    ):
-        key = (tick // window, min(one, other), max(one, other))
-        first[key] = min(tick, first.get(key, tick))
-    return sorted((tick, one, other) for (_, one, other), tick in first.items())
+    return _once_in_a_window(
+        (
+            (tick, min(one, other), max(one, other))
+            for tick, one, other in zip(
+                recording.collision_tick[rows].tolist(),
+                recording.collision_vehicle[rows].tolist(),
+                recording.collision_other[rows].tolist(),
+                strict=True,
+            )
+        ),
+        recording,
+    )
 
 
 def walkers_hit(recording: Recording) -> list[tuple[int, int, int]]:
-    """Walkers that a moving vehicle's box reached: first tick of each five seconds, and both rows.
+    """Walkers that a moving vehicle's box reached: the first tick, and both rows.
 
     The walkers' controllers switch their collisions off, so no sensor reports them. Heights are
     compared too: a walker may cross below a bridge.
     """
-    window = round(WINDOW_S / recording.delta_s)
-    first: dict[tuple[int, int, int], int] = {}
+    touches: list[tuple[int, int, int]] = []
     yaw = np.radians(recording.yaw_deg)
     for walker in range(recording.walker_location.shape[1]):
         offset = recording.walker_location[:, walker, None] - recording.location
@@ -54,9 +56,22 @@ def walkers_hit(recording: Recording) -> list[tuple[int, int, int]]:
             & (np.abs(offset[..., 2]) < _SAME_LEVEL_M)
             & (recording.speed > HIT_SPEED)
         )
-        for tick, vehicle in np.argwhere(reached).tolist():
-            first.setdefault((tick // window, vehicle, walker), tick)
-    return sorted((tick, vehicle, walker) for (_, vehicle, walker), tick in first.items())
+        touches += [(tick, vehicle, walker) for tick, vehicle in np.argwhere(reached).tolist()]
+    return _once_in_a_window(touches, recording)
+
+
+def _once_in_a_window(
+    touches: Iterable[tuple[int, int, int]], recording: Recording
+) -> list[tuple[int, int, int]]:
+    """Of touches of pairs, each a tick and two numbers, those that begin a window of a pair."""
+    window = round(WINDOW_S / recording.delta_s)
+    begun: dict[tuple[int, int], int] = {}
+    found = []
+    for tick, one, other in sorted(touches):
+        if tick - begun.get((one, other), -window) >= window:
+            begun[one, other] = tick
+            found.append((tick, one, other))
+    return found
 
 
 def inside_buildings(recording: Recording) -> list[tuple[int, int]]:

@@ -13,7 +13,7 @@ STILL = np.zeros((60, 2)) + np.array([0.0, 50.0])
 
 def test_both_sides_and_all_ticks_of_a_touch_count_once_in_five_seconds() -> None:
     # A window is ten ticks of half a second.
-    reports = [(3, 10, 11, 0), (3, 11, 10, 0), (4, 10, 11, 0), (9, 11, 10, 0), (14, 10, 11, 0)]
+    reports = [(3, 10, 11, 0), (3, 11, 10, 0), (4, 10, 11, 0), (12, 11, 10, 0), (14, 10, 11, 0)]
     found = collision_pairs(recording(STILL, **collisions(*reports)), Partner.VEHICLE)
     assert found == [(3, 10, 11), (14, 10, 11)]
 
@@ -31,8 +31,7 @@ def test_only_a_moving_vehicle_hits_a_walker() -> None:
     walkers[:, 2] = (101.0, 0.0, 1.0)
     found = walkers_hit(recording(x, walker_location=walkers))
     # At 4 m/s it takes 1.3 s to pass by, in ticks of half a second.
-    assert {(vehicle, walker) for _, vehicle, walker in found} == {(0, 0)}
-    assert len(found) <= 2  # one in each window of five seconds
+    assert [(vehicle, walker) for _, vehicle, walker in found] == [(0, 0)]
 
 
 def test_a_vehicle_inside_a_building_is_found_once() -> None:

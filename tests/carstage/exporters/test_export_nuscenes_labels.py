@@ -236,6 +236,28 @@ def test_naming_sensors_chooses_their_cars(segmented, tmp_path: Path) -> None:
     assert [log["vehicle"] for log in logs] == ["vehicle.audi.a2"]
 
 
+def test_sensors_without_a_place_are_counted(every_kind: Path, tmp_path: Path) -> None:
+    from carstage.exporters import ExportOptions
+
+    options = ExportOptions(lidar="SEMLIDAR_TOP")
+    summary = export_dataset("nuscenes", every_kind, tmp_path / "out", options, workers=0)
+    assert summary.sensors_left_out == {"LIDAR_TOP": 6}
+
+
+def test_a_camera_on_the_map_has_no_scene(every_kind: Path) -> None:
+    from carstage.exporters import ExportOptions
+    from carstage.exporters.formats.nuscenes_scenes import scenes_of, sensors_without_scene
+
+    (episode,) = Dataset(every_kind).episodes
+    left, others = episode.sensor("CAM_LEFT"), episode.sensors
+    beside_the_road = SimpleNamespace(id="CAM_POST", calibration=left.calibration)
+    with_post = SimpleNamespace(sensors=(*others, beside_the_road))
+    scenes = scenes_of(episode, ExportOptions())
+    assert sensors_without_scene(with_post, scenes, ExportOptions()) == ("CAM_POST",)
+    chosen = ExportOptions(cameras=("CAM_LEFT",))
+    assert sensors_without_scene(with_post, scenes_of(episode, chosen), chosen) == ()
+
+
 def test_a_class_map_gives_boxes_and_points_other_categories(
     devkit, segmented, tmp_path: Path
 ) -> None:

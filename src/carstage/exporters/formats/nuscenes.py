@@ -15,7 +15,12 @@ from carstage.exporters.formats.nuscenes_categories import check_categories
 from carstage.exporters.formats.nuscenes_frame import OCC3D, VERSION, FramePart, SceneWriter
 from carstage.exporters.formats.nuscenes_grounds import EXPANSION, grounds_of
 from carstage.exporters.formats.nuscenes_rows import SceneTables
-from carstage.exporters.formats.nuscenes_scenes import CarScene, key_frame_step, scenes_of
+from carstage.exporters.formats.nuscenes_scenes import (
+    CarScene,
+    key_frame_step,
+    scenes_of,
+    sensors_without_scene,
+)
 from carstage.exporters.formats.nuscenes_segmentation import instance_numbers
 from carstage.exporters.formats.nuscenes_tables import LABELS, Tables, token
 from carstage.exporters.labels import require_labels
@@ -82,6 +87,7 @@ class NuScenes(Exporter):
     def begin_episode(self, episode: Episode) -> SceneWriter:
         """Open the scenes of an episode."""
         scenes = self._scenes[episode.id]
+        self._without_scene = sensors_without_scene(episode, scenes, self.options)
         self._ground = self._grounds[episode.document["map"]]
         step = self._steps[episode.id]
         start_s = _EPOCH_S + self._number * _EPISODE_APART_S
@@ -126,6 +132,7 @@ class NuScenes(Exporter):
     def add(self, part: FramePart) -> None:
         """Write the frame's rows, linked to those before."""
         self._ground.surfaces.add(part.surfaces)
+        self.sensors_left_out.update(self._without_scene)
         for scene, of_scene in zip(self._open, part.scenes, strict=True):
             scene.add(part.k, part.timestamp_s, of_scene)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -11,6 +11,7 @@ from carstage.errors import BadInputError
 from carstage.exporters.cars import Car, car_cameras, car_lidar, car_radars, chosen_cars
 from carstage.exporters.clouds import label_source
 from carstage.exporters.options import ExportOptions
+from carstage.sensor_kinds.model import COLOUR, DETECTIONS, POINTS, TAGGED_POINTS
 
 LIDAR_CHANNEL: Final = "LIDAR_TOP"
 _KEYFRAMES_HZ = 2.0
@@ -77,6 +78,20 @@ def _scene(episode: Episode, car: Car, options: ExportOptions) -> CarScene:
         lidar=None if lidar is None else lidar.id,
         tag_source=None if lidar is None else label_source(episode, lidar),
         radars=tuple(radar.id for radar in radars),
+    )
+
+
+def sensors_without_scene(
+    episode: Episode, scenes: Sequence[CarScene], options: ExportOptions
+) -> tuple[str, ...]:
+    """Ids of colour cameras, LiDARs and radars that no scene shows, but those not asked for."""
+    shown = {sensor for scene in scenes for sensor in (*scene.channels, scene.tag_source)}
+    return tuple(
+        sensor.id
+        for sensor in episode.sensors
+        if sensor.calibration.content in (COLOUR, POINTS, TAGGED_POINTS, DETECTIONS)
+        and sensor.id not in shown
+        and not (options.cameras and sensor.calibration.content == COLOUR)
     )
 
 

@@ -11,18 +11,24 @@ roundabouts and merges have two. Junctions with an arm too short to wait on get 
 there would stand on the junction behind.
 
 Only vehicles that can still stop wait; none does while all come from one arm. Nobody sets off
-while somebody comes from another arm too fast to stop.
+while somebody comes from another arm too fast to stop. So most who come at 30 km/h pass, and find
+their ways past each other; to stop them all would jam large junctions. But where turns run past
+each other closer than vehicles are wide, two of the Traffic Manager's stand for ever. There they
+stop on the junction's first metres, too, which nobody from another arm touches.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from carstage_sim.maps.town import LaneSamples
 from carstage_sim.world.signals.lane_graph import LaneGraph
+
+FloatArray = NDArray[np.float64]
 
 NEAR_M = 20.0
 """A vehicle counts when its middle is nearer to the junction than this,"""
@@ -39,11 +45,15 @@ _ROOM_M = 20.0
 _LOOK_AHEAD_M = 5.5
 """Nearer than this the Traffic Manager's look-ahead of 6 m is on the junction."""
 _OVER_LINE_M = 1.5
-"""Who has its bumper farther on the junction than this goes on."""
+"""Who has its bumper farther on the junction than this goes on;"""
+_FARTHEST_OVER_LINE_M = 6.0
+"""where turns are tight, at most this."""
+_TIGHT_M = 2.2
+"""Ways that run past each other are nearer than this where vehicles cannot pass."""
+_APART_M = 3.0
+"""Nearer to a way of another arm than this, a vehicle stands in it; ways that end so near merge."""
 _BRAKES = 6.0
-"""m/s²; who would need more to stop goes on."""
-_RUSHES = 7.5
-"""m/s; who comes faster cannot stop within the Traffic Manager's look-ahead."""
+"""m/s²; who would need more to stop, within the Traffic Manager's look-ahead, goes on."""
 
 
 class _Turns:
@@ -105,6 +115,7 @@ class ArmTurns:
         entries = graph.junction_entries()
         self._arm_of_sample = np.full(len(lanes.s_m), -1, np.intp)
         self._before_m = np.zeros(len(lanes.s_m))
+        self._over_line_m = np.full(len(lanes.s_m), _OVER_LINE_M)
         self._turns_of_sample = np.full(len(lanes.s_m), -1, np.intp)
         self._turns: list[_Turns] = []
         count = 0
@@ -114,9 +125,15 @@ class ArmTurns:
             before = [graph.before(int(entries.sample[entry]), _FARTHEST_M) for entry in here]
             if arms < _FEWEST_ARMS or min(metres.max() for _, metres in before) < _ROOM_M:
                 continue
-            for entry, (samples, before_m) in zip(here.tolist(), before, strict=True):
+            ways = [graph.ways(int(entries.sample[entry])) for entry in here]
+            lines = [[lanes.location[way, :2] for way in found] for found in ways]
+            over_line_m = _over_line_m(lines, entries.arm[here].tolist())
+            for entry, (samples, before_m), over_m in zip(
+                here.tolist(), before, over_line_m, strict=True
+            ):
                 self._arm_of_sample[samples] = count + entries.arm[entry]
                 self._before_m[samples] = before_m
+                self._over_line_m[samples] = over_m
             self._turns_of_sample[lanes.junction_id == junction_id] = len(self._turns)
             self._turns.append(_Turns(count, arms))
             count += arms
@@ -148,7 +165,11 @@ class ArmTurns:
         reach_m = np.maximum(SOON_S * np.abs(speed), NEAR_M)
         rows = np.flatnonzero((arm >= 0) & (self._before_m[samples] < reach_m))
         arm = arm[rows]
-        is_rushed = np.bincount(arm[speed[rows] > _RUSHES], minlength=self._arm_count) > 0
+        # How far the bumper may still go, from here and from where a look-ahead begins.
+        beyond_m = self._over_line_m[samples[rows]] - half_length[rows]
+        nose_m = self._before_m[samples[rows]] + beyond_m
+        rushes = speed[rows] ** 2 > 2.0 * _BRAKES * np.maximum(_LOOK_AHEAD_M + beyond_m, 0.0)
+        is_rushed = np.bincount(arm[rushes], minlength=self._arm_count) > 0
         counts = np.bincount(arm, minlength=self._arm_count)
         occupants = np.bincount(on[on >= 0], minlength=len(self._turns))
         goes = np.ones(self._arm_count, np.bool_)
@@ -159,12 +180,43 @@ class ArmTurns:
             rushed = is_rushed[turns.arms]
             goes[turns.arms] = rushed if rushed.any() else turns.may_enter()
             is_contested[turns.arms] = sum(map(bool, before)) > 1
-        before_m = self._before_m[samples[rows]]
-        nose_m = before_m - half_length[rows] + _OVER_LINE_M
         stops = (nose_m > 0.0) & (speed[rows] ** 2 <= 2.0 * _BRAKES * nose_m)
-        looks = before_m <= _LOOK_AHEAD_M
+        looks = self._before_m[samples[rows]] <= _LOOK_AHEAD_M
         # Told to wait in one frame, a vehicle joins the Traffic Manager's queue. Did those whose
         # turn it is not join, those of the other arms would be the first in it meanwhile.
         joins = looks & ~np.isin(ids[rows], self._seen) & is_contested[arm]
         self._seen = ids[rows[looks]]
         self.waiting_ids = ids[rows[stops & (~goes[arm] | joins)]]
+
+
+def _over_line_m(ways: Sequence[Sequence[FloatArray]], arms: Sequence[int]) -> list[float]:
+    """How far onto a junction those of each lane may come who wait.
+
+    Args:
+        ways: ``(S, 2)`` places of each way of each lane.
+        arms: which arm each lane belongs to.
+    """
+    by_arm = [(arm, way) for arm, own in zip(arms, ways, strict=True) for way in own]
+    pairs = [(a, b) for n, (arm, a) in enumerate(by_arm) for other, b in by_arm[:n] if other != arm]
+    if not any(_is_tight(a, b) for a, b in pairs):
+        return [_OVER_LINE_M] * len(ways)
+    found = []
+    for own, arm in zip(ways, arms, strict=True):
+        others = shapely.MultiPoint(np.concatenate([b for other, b in by_arm if other != arm]))
+        free_m = min((_metres_apart(way, others) for way in own), default=_OVER_LINE_M)
+        found.append(min(max(free_m, _OVER_LINE_M), _FARTHEST_OVER_LINE_M))
+    return found
+
+
+def _is_tight(one: FloatArray, other: FloatArray) -> bool:
+    """Whether two ways run past each other, and vehicles on them cannot."""
+    a, b = shapely.LineString(one), shapely.LineString(other)
+    merge = np.linalg.norm(one[-1] - other[-1]) < _APART_M
+    return bool(not merge and a.distance(b) < _TIGHT_M and not a.intersects(b))
+
+
+def _metres_apart(way: FloatArray, others: shapely.MultiPoint) -> float:
+    """How far along a way a vehicle stands in none of the others."""
+    near = np.flatnonzero(shapely.distance(shapely.points(way), others) < _APART_M)
+    steps_m = np.linalg.norm(np.diff(way, axis=0), axis=1)
+    return float(steps_m[: near[0]].sum()) if len(near) else np.inf

@@ -114,6 +114,32 @@ class LaneGraph:
                 )
                 self._walk(following, found[end] + gap_m, reach_m, upstream=upstream, found=found)
 
+    def ways(self, sample: int) -> list[NDArray[np.int64]]:
+        """What follows a lane's end inside the junction there: rows of samples, in their order.
+
+        Args:
+            sample: the last row of a lane that leads into a junction.
+
+        Returns:
+            Of each way, its samples up to where it leaves the junction or forks.
+        """
+        found: list[NDArray[np.int64]] = []
+        for number in self._joined(sample, self._first):
+            if self._lanes.junction_id[self._first[number]] < 0:
+                continue
+            way, following = [self._runs[number]], self._inside_after(number)
+            while len(following) == 1 and all(self._runs[following[0]] is not run for run in way):
+                way.append(self._runs[following[0]])
+                following = self._inside_after(following[0])
+            found.append(np.concatenate(way))
+        return found
+
+    def _inside_after(self, number: int) -> list[int]:
+        """Runs of the same junction that follow one."""
+        junctions = self._lanes.junction_id[self._first]
+        following = self._joined(int(self._last[number]), self._first)
+        return [n for n in following if n != number and junctions[n] == junctions[number] >= 0]
+
     def junction_entries(self) -> JunctionEntries:
         """Where lanes lead into junctions."""
         lanes = self._lanes

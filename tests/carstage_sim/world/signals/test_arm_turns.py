@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import shapely
 
 from carstage_sim.maps.town import LaneSamples
 from carstage_sim.world.signals.arm_turns import CLEAR_S, TURN_S, ArmTurns
@@ -41,11 +42,46 @@ def crossing(arms: int, shortest_m: int = _LANE_M) -> LaneSamples:
     return LaneSamples(**{name: np.concatenate(columns) for name, columns in parts.items()})
 
 
+def passing(apart_m: float) -> LaneSamples:
+    """Lanes of 60 m and their ways through a junction of 30 m.
+
+    One goes straight on, one comes from the other side, bends towards it until they are so far
+    apart, and away again; the third crosses.
+    """
+    ends = [[(-15, 0), (15, 0)], [(0, -15), (0, 15)], [(15, apart_m + 6), (0, apart_m), (-15, 9)]]
+    parts: dict[str, list[np.ndarray]] = {name: [] for name in LaneSamples.__slots__}
+    for road, (heading_deg, corners) in enumerate(zip(_HEADINGS_DEG, ends, strict=False)):
+        along = np.array([np.cos(np.radians(heading_deg)), np.sin(np.radians(heading_deg))])
+        lane = np.array(corners[0]) + np.arange(-_LANE_M, 1)[:, None] * along
+        way = np.array(shapely.LineString(corners).segmentize(1.0).coords)
+        for junction, places in ((-1, lane), (_JUNCTION, way)):
+            steps = np.diff(places, axis=0, append=2 * places[-1:] - places[-2:-1])
+            count = len(places)
+            parts["location"].append(np.column_stack([places, np.zeros(count)]))
+            yaw_deg = np.degrees(np.arctan2(steps[:, 1], steps[:, 0]))
+            parts["rotation_deg"].append(np.column_stack([0 * yaw_deg, yaw_deg, 0 * yaw_deg]))
+            parts["width_m"].append(np.full(count, 3.5, np.float32))
+            parts["speed_limit_kmh"].append(np.full(count, 30.0, np.float32))
+            parts["posted_kmh"].append(np.zeros(count, np.float32))
+            parts["road_id"].append(np.full(count, road + (10 if junction >= 0 else 0), np.int32))
+            parts["section_id"].append(np.zeros(count, np.int32))
+            parts["lane_id"].append(np.full(count, -1, np.int32))
+            parts["s_m"].append(np.arange(count, dtype=np.float64))
+            parts["junction_id"].append(np.full(count, junction, np.int32))
+    return LaneSamples(**{name: np.concatenate(columns) for name, columns in parts.items()})
+
+
 class Scene:
     """Vehicles that stand where a test puts them."""
 
-    def __init__(self, arms: int = 3, lit: tuple[int, ...] = (), shortest_m: int = _LANE_M) -> None:
-        self.lanes = crossing(arms, shortest_m)
+    def __init__(
+        self,
+        arms: int = 3,
+        lit: tuple[int, ...] = (),
+        shortest_m: int = _LANE_M,
+        lanes: LaneSamples | None = None,
+    ) -> None:
+        self.lanes = crossing(arms, shortest_m) if lanes is None else lanes
         self.turns = ArmTurns(self.lanes, lit)
 
     def sample(self, arm: int, before_m: float) -> int:
@@ -145,6 +181,15 @@ def test_only_who_can_stop_before_the_junction_waits(
     scene = Scene()
     scene.told((0, 4.0), (1, 15.0), seconds=1.0)
     assert scene.told((0, 4.0), (1, before_m), seconds=0.1, speed=(0.0, speed))[1] is waits
+
+
+@pytest.mark.parametrize(("apart_m", "waits"), [(1.5, True), (4.0, False)])
+def test_where_turns_are_tight_who_comes_at_30_kmh_stops_on_the_junction(
+    apart_m: float, waits: bool
+) -> None:
+    scene = Scene(lanes=passing(apart_m))
+    scene.told((0, 4.0), (2, 15.0), seconds=1.0)
+    assert scene.told((0, 4.0), (2, 6.0), seconds=0.1, speed=(0.0, 8.4))[1] is waits
 
 
 def test_nobody_sets_off_while_somebody_comes_too_fast_to_stop() -> None:

@@ -39,7 +39,7 @@ LONGEST_SENSOR_ID = LONGEST_STREAM_NAME - len(INSTANCE_SUFFIX)
 _DERIVED = (
     DEPTH_SUFFIX, INSTANCE_SUFFIX, SEMANTIC_SUFFIX, VOXELS_SUFFIX, ".tag", ".parquet",
 )  # fmt: skip
-RESERVED_IDS = frozenset({"world", "ledger"})
+RESERVED_IDS = frozenset({"world", "ledger", "ego", "map"})
 _ID_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 #: Families of actors that can carry a sensor.
 _CARRIERS = ("vehicle.", "walker.", "traffic.", "static.")

@@ -18,6 +18,16 @@ REFUSED = {
     "not a number": ("duration_s: .nan", "duration_s: ", "finite"),
     "no step": ("duration_s: 0.01", "duration_s: ", "at least 0.1 s"),
     "number for a section": ("vehicles: 20", "vehicles: ", "key: value"),
+    "sensor called as a stream": (
+        "rig: {sensors: [{id: world, kind: rgb}]}",
+        "rig.sensors[0].id: ",
+        "'world_sensor'",
+    ),
+    "sensor called as a frame": (
+        "rig: {sensors: [{id: ego, kind: rgb}]}",
+        "rig.sensors[0].id: ",
+        "'ego_sensor'",
+    ),
     "weather preset": ("weather: ClearMoon", "weather.choice: ", "'ClearNoon'"),
     "one weather preset": (
         "weather: {random_from: [ClearNoon, Sunny]}",

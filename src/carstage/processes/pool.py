@@ -52,8 +52,8 @@ def process_pool(workers: int | None = None, *, preload: Preload = (bool, ())) -
 
     One process is started at once, as a program of its own: it is not forked from the caller, who
     may have threads, and never imports the caller's main module. It calls ``preload``, and the
-    workers are forked from it. All ignore SIGINT, so that the caller alone decides what Ctrl-C
-    means, run at a lower priority than the simulator, and end when the caller dies, however it
+    workers are forked from it. All ignore SIGINT and SIGTERM, so that the caller alone decides what
+    they mean, run at a lower priority than the simulator, and end when the caller dies, however it
     does. Functions and arguments of tasks must be picklable and defined in importable modules.
 
     Args:
@@ -160,9 +160,10 @@ class _Parent:
         self._lock = threading.Lock()
         self._has_forked = False
         with theirs:
-            # A child inherits the blocked signals: Ctrl-C reaches it not even before it can decide
-            # to ignore it.
-            before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGHUP))
+            # A child inherits the blocked signals: none reaches it, not even before it can decide
+            # to ignore it. Who ends a service or a job sends SIGTERM to all of its processes.
+            ours = (signal.SIGINT, signal.SIGHUP, signal.SIGTERM)
+            before = signal.pthread_sigmask(signal.SIG_BLOCK, ours)
             try:
                 self._process = subprocess.Popen(
                     [sys.executable, "-c", _PROGRAM, str(theirs.fileno()), *sys.path],

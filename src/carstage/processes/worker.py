@@ -62,7 +62,8 @@ def fork_workers(descriptor: int) -> NoReturn:
     Args:
         descriptor: of one end of a pair of connected sockets; the pool has the other.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
     keep_memory()
     os.nice(NICENESS)
     with socket.socket(fileno=descriptor) as control:

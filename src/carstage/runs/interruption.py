@@ -53,6 +53,8 @@ class Interruption:
     def __enter__(self) -> Interruption:
         if threading.current_thread() is threading.main_thread():
             for number in _SIGNALS:
+                if number == signal.SIGHUP and signal.getsignal(number) is signal.SIG_IGN:
+                    continue  # nohup: the run outlives its terminal
                 self._previous[number] = signal.signal(number, self._on_signal)
         return self
 

@@ -58,13 +58,14 @@ def parent(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
     process.stdout.close()
 
 
-def test_workers_ignore_an_interrupt_and_die_with_their_parent(
-    parent: subprocess.Popen[str],
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP, signal.SIGTERM])
+def test_workers_ignore_signals_and_die_with_their_parent(
+    parent: subprocess.Popen[str], number: signal.Signals
 ) -> None:
     pids = workers_of(parent)
     assert pids
     for pid in pids:
-        os.kill(pid, signal.SIGINT)
+        os.kill(pid, number)
     assert set(workers_of(parent)) & set(pids)
     workers = [psutil.Process(pid) for pid in pids]
     assert all(worker.nice() > 0 for worker in workers)

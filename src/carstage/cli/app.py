@@ -209,13 +209,13 @@ def run(
         ),
     ] = None,
     ray_resources: Annotated[
-        str,
+        str | None,
         typer.Option(
             "--ray-resources",
             metavar="JSON",
             help='What each worker takes of the Ray cluster, such as {"CPU": 2, "GPU": 0.5}.',
         ),
-    ] = "{}",
+    ] = None,
     run_id: Annotated[
         str | None,
         typer.Option("--run-id", hidden=True, help="Name of the run's folder."),
@@ -232,13 +232,19 @@ def run(
     options: dict[str, Any] = {"retries": retries, "append": append}
     options |= {"shard": shard, "run_id": run_id, "work": work, "catalog": catalog}
     if ray_address is None:
+        if ray_resources is not None:
+            from carstage.errors import BadInputError
+
+            raise BadInputError("--ray-resources goes with --ray-address.", "Give both, or none.")
         options["workers"] = parse_workers(workers)
     else:
         from carstage.execution.ray_slots import RayExecutor, parse_resources
 
         wanted = parse_workers(workers)
         count = None if wanted == "auto" else wanted
-        options["executor"] = RayExecutor(count, ray_address, parse_resources(ray_resources))
+        options["executor"] = RayExecutor(
+            count, ray_address, parse_resources(ray_resources or "{}")
+        )
     return record(configured, out, json=json, report=False, **options)
 
 

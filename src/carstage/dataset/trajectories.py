@@ -137,6 +137,8 @@ def _start(row: dict[str, Any]) -> Start:
 def _controls(episode: Episode, track: list[dict[str, Any]]) -> FloatArray | None:
     """``(T, 6)`` what the ego's driver did; None where a frame lacks it."""
     driven = {row["k"]: row for row in episode.ego().to_pylist()}
+    if any(row["k"] not in driven for row in track):
+        return None
     rows = [[driven[row["k"]][name] for name in Control._fields] for row in track]
     if any(value is None for row in rows for value in row):
         return None

@@ -54,6 +54,8 @@ def remove_export(place: DatasetPath) -> None:
         files.delete([(place / DOCUMENT).key])
         files.delete([one.key for one in files.below(place.key)])
         return
+    if place.is_symlink():
+        raise BadInputError(f"{place} is a link.", "Name the folder that it leads to.")
     try:
         (place / DOCUMENT).unlink()
         shutil.rmtree(place)

@@ -120,7 +120,7 @@ def run_figures(folder: Path) -> RunFigures:
 
 
 def _counted(folder: Path, begun_s: float) -> _Counted:
-    """Sums over the events; of several workers, those of the whole run alone."""
+    """Sums over the events; the load of several workers is that of the whole run."""
     found = _Counted()
     try:
         descriptor = open_regular(folder / "events.jsonl")
@@ -130,12 +130,12 @@ def _counted(folder: Path, begun_s: float) -> _Counted:
     with os.fdopen(descriptor, "rb") as lines:
         for line in lines:
             parsed = parse_event(line) if any(word in line for word in _COUNTED) else None
-            if parsed is None or parsed.get("worker", 0) != 0:
+            if parsed is None:
                 continue
             event = event_of(parsed)
             if isinstance(event, FramesConverted):
                 found.frames += event.frames
-            elif isinstance(event, Load):
+            elif isinstance(event, Load) and not parsed.get("worker"):
                 found.add(event, max(0.0, event.time_s - before_s))
                 before_s = event.time_s
     return found

@@ -11,6 +11,7 @@ from carstage.errors import BadInputError, DatasetError
 from carstage.files.whole import write_whole
 from carstage.storage.description import read_description
 from carstage.storage.disk import disk_error
+from carstage.storage.object_cache import forget_copies
 from carstage.storage.remote_files import remote_files
 from carstage.storage.remote_path import DatasetPath, RemotePath
 
@@ -112,4 +113,5 @@ def _remove_remote(place: RemotePath) -> list[str]:
     for names in ((_FIRST,), (*_PARTS, *_FILES, _REPORT), (_LAST,)):
         with suppress(FileNotFoundError):
             files.delete([key for key in keys if parts[key] in names])
+    forget_copies()
     return sorted(set(parts.values()) - {_FIRST, *_PARTS, *_FILES, _REPORT, _LAST})

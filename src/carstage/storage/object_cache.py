@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import secrets
+import shutil
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -53,6 +54,11 @@ def open_copy(path: RemotePath, files: RemoteFiles, most_bytes: int) -> int:
         temporary.unlink(missing_ok=True)
     _bound(folder, os.fstat(descriptor).st_size)
     return descriptor
+
+
+def forget_copies() -> None:
+    """Remove all copies: a dataset was removed, and its names may come again with other data."""
+    shutil.rmtree(cache_folder() / "objects", ignore_errors=True)
 
 
 def cache_bytes() -> int:

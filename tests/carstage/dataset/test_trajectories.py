@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -40,6 +42,21 @@ def test_a_dataset_of_one_episode_stands_for_the_episode(dataset: Path) -> None:
     named = read_recording(attempt_of(dataset))
     assert read_recording(dataset).episode_id == named.episode_id
     assert read_recording(attempt_of(dataset).parent).episode_id == named.episode_id
+
+
+def test_an_ego_whose_motion_was_not_asked_for_has_no_controls(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    header = analytic_scene.header
+
+    def without_motion(*arguments: Any, **options: Any) -> Any:
+        made = json.loads(json.dumps(header(*arguments, **options)))
+        made["spec"]["ground_truth"]["ego_motion"] = False
+        return made
+
+    monkeypatch.setattr(analytic_scene, "header", without_motion)
+    made = make_dataset(tmp_path / "out", tmp_path / "work")
+    assert read_recording(made).tracks[0].controls is None
 
 
 @pytest.mark.parametrize("below", ["episodes", "episodes/0000", "runs"])

@@ -43,8 +43,11 @@ def test_what_single_workers_take_counts_once(ended: FakeRun) -> None:
     load(ended, 2, 3.0, 500)
     load(ended, 2, 2.0, 400, worker=1)
     load(ended, 2, 1.0, 100, worker=2)
+    for worker in (1, 2):
+        ended.event("frames_converted", episode_id=f"e{worker}", frames=30, worker=worker)
     figures = run_figures(ended.folder)
     assert (figures.cpu_cores, figures.memory_bytes) == (3.0, 500)
+    assert figures.frames == 60
 
 
 def test_a_run_without_measurements_has_none_and_lines_of_other_versions_are_left_out(

@@ -192,7 +192,7 @@ def resume(
     from carstage.config import check_config
     from carstage.errors import BadInputError
     from carstage.runs.allotment import parse_workers
-    from carstage.runs.keeping import settings_of
+    from carstage.runs.keeping import settings_of, share_of
     from carstage.runs.launching import RunOptions
     from carstage.runs.reading import liveness, read_document
 
@@ -200,7 +200,7 @@ def resume(
     if liveness(read_document(place / "status.json") or {}) in ("running", "stalled"):
         raise BadInputError(f"Run {run} goes on.", "Wait for its end, or stop it first.")
     given = RunOptions(retries, append, parse_workers(workers), catalog)
-    options = _as_of_run(given) | {"work": work}
+    options = _as_of_run(given) | {"work": work, "shard": share_of(place)}
     return record(check_config(dict(settings_of(place))), dataset, json=json, **options)
 
 

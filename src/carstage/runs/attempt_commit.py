@@ -46,6 +46,13 @@ class Job:
     first_attempt: int = 1
 
 
+def _codecs_of(spec: EpisodeSpec, codecs: Mapping[str, str]) -> Mapping[str, str]:
+    """Those of the episode's sensors: the rig of another variant may have more."""
+    sensors = [*spec.written_sensors, *(one for agent in spec.agents for one in agent.sensors)]
+    ids = {sensor.id for sensor in sensors}
+    return {name: codec for name, codec in codecs.items() if name in ids}
+
+
 class AttemptCommit:
     """One attempt on its way into the dataset.
 
@@ -88,7 +95,7 @@ class AttemptCommit:
             raw_folder,
             store.attempt_files(job.episode_id, attempt),
             pool,
-            codecs=codecs,
+            codecs=_codecs_of(job.spec, codecs),
             progress=progress,
             left_s=left_s,
         )

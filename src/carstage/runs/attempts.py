@@ -10,7 +10,7 @@ import json
 import secrets
 import shutil
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -20,7 +20,7 @@ from carstage.errors import StorageError
 from carstage.runs.folder import FINAL_STATES, FORMAT_VERSION, PROCESS_FILE, EpisodeCounts
 from carstage.runs.identity import life_of
 from carstage.runs.orphans import end_orphans
-from carstage.runs.pending import pending_of, pending_recordings
+from carstage.runs.pending import drop_superseded, pending_of, pending_recordings
 from carstage.runs.reading import is_recent, read_document
 from carstage.storage import CommitMarker, Store
 from carstage.storage.names import ATTEMPT
@@ -165,7 +165,8 @@ def sweep(work: Path, store: Store, markers: Mapping[str, CommitMarker]) -> None
         store: the dataset.
         markers: of its episodes.
     """
-    runs = sorted((work / "runs").glob("*"))
+    # Of what is no run, or one that has not begun, nothing is waited for.
+    runs = [run for run in sorted((work / "runs").glob("*")) if _is_run(run)]
     ended = {run.name for run in runs if _has_ended(run)}
     if len(ended) < len(runs):
         return
@@ -189,6 +190,36 @@ def sweep(work: Path, store: Store, markers: Mapping[str, CommitMarker]) -> None
         for folder in (*(run / "raw").glob("*"), run / "raw"):
             with suppress(OSError):  # what is kept, or gone already
                 folder.rmdir()
+
+
+def clear_up_all(
+    work: Path, store: Store, notice: Callable[[str], None]
+) -> dict[str, CommitMarker]:
+    """Clear up after earlier runs; returns the markers of the episodes that the dataset has.
+
+    It comes first in a run, as what they left takes space on the disk.
+
+    Args:
+        work: what holds the folder ``runs``.
+        store: the dataset; it need not exist.
+        notice: called with sentences on what was done.
+
+    Raises:
+        StorageError: the dataset cannot be read.
+    """
+    for left in left_runs(work, store):
+        if done := clear_up(left, store):
+            notice(done)
+    if not store.exists():
+        return {}
+    present = store.committed()
+    drop_superseded(work, present, store)
+    sweep(work, store, present)
+    return present
+
+
+def _is_run(folder: Path) -> bool:
+    return any((folder / name).is_file() for name in ("status.json", PROCESS_FILE))
 
 
 def _has_ended(run: Path) -> bool:

@@ -6,6 +6,7 @@ import math
 import selectors
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 from carstage.config import Config
@@ -24,7 +25,7 @@ from carstage.runs.events import (
     FramesConverted,
 )
 from carstage.runs.interruption import Interruption
-from carstage.runs.pending import pending_recordings
+from carstage.runs.pending import pending_of, pending_recordings
 from carstage.runs.record import RunRecord
 from carstage.runs.wakeup_pipe import WakeupPipe
 from carstage.storage import Store
@@ -122,9 +123,10 @@ class CommitQueue:
         """Commit a recording once it is converted; its conversion may begin after all others."""
         if self._deferred:
             attempt_commit.set_aside(self._environment, durable=True)
-            self._later.append(attempt_commit)
-        else:
-            self.under_way.append(attempt_commit)
+        self._line_up(attempt_commit)
+
+    def _line_up(self, attempt_commit: AttemptCommit) -> None:
+        (self._later if self._deferred else self.under_way).append(attempt_commit)
 
     def begin_next(self) -> None:
         """Begin to convert the first of the recordings that were to be converted later."""
@@ -134,6 +136,11 @@ class CommitQueue:
             attempt_commit.convert_all(self.converters.pool())
         except CarStageError as error:
             self._give_up(attempt_commit, error)
+
+    def begin_all(self) -> None:
+        """Begin to convert all that were to be converted later."""
+        while self._later:
+            self.begin_next()
 
     def commit_converted(self) -> None:
         """Commit what is converted."""
@@ -147,7 +154,8 @@ class CommitQueue:
             Ids of the episodes that need not be recorded.
         """
         taken: set[str] = set()
-        recordings = list(pending_recordings(self._folder.work))
+        # Those of this run are of a worker that is gone.
+        recordings = [*pending_recordings(self._folder.work), *pending_of(self._folder.path)]
         if not recordings:
             return taken
         ids = {recording.episode_id for recording in recordings}
@@ -155,13 +163,16 @@ class CommitQueue:
         for recording in recordings:
             pending, episode_id = recording.pending, recording.episode_id
             raw_folder = self._folder.raw_attempt(episode_id, recording.attempt)
+            changed = pending.environment != self._environment
             if (
                 episode_id not in wanted
-                or pending.environment != self._environment
+                or (changed and not self._irreplaceable)
                 or pending.codecs != self._codecs
                 or not recording.take(raw_folder)
             ):
                 continue
+            if changed:  # what was converted may be other bytes now
+                pending = replace(pending, converted=())
             attempt_commit = self.attempt_commit(wanted[episode_id], recording.attempt)
             if not (pending.durable or pending.of_this_boot):
                 # The shape of the raw log could be checked, but not what its pictures hold.
@@ -171,8 +182,10 @@ class CommitQueue:
             taken.add(episode_id)
             self._record.event(AttemptReserved(episode_id, recording.attempt))
             self._record.notice(f"Episode {episode_id} is recorded already; it is converted now.")
-            self.add(attempt_commit)
+            self._line_up(attempt_commit)
             try:
+                if self._deferred:  # until it is converted it stays what it was
+                    attempt_commit.leave(pending)
                 attempt_commit.go_on(pending, self.converters.pool())
             except RequestGivenUpError:
                 self._forget(attempt_commit)
@@ -205,6 +218,9 @@ class CommitQueue:
             attempt_commit = self.under_way.pop()
             attempt_commit.set_aside(self._environment, durable=self._raw_must_last)
         self._later.clear()  # those were set aside as soon as they were recorded
+        self._tell_of_waiting(count)
+
+    def _tell_of_waiting(self, count: int) -> None:
         if count:
             self._record.notice(
                 f"{count} recorded episode{'s' if count > 1 else ''} not yet converted: "
@@ -212,8 +228,15 @@ class CommitQueue:
             )
 
     def give_back(self) -> None:
-        """Remove what was not committed and end the converters, whatever fails."""
-        if not self._irreplaceable:
+        """Remove what was not committed and end the converters, whatever fails.
+
+        What is converted after all recording was set aside as soon as it was recorded, and stays.
+        """
+        if self._deferred:
+            for attempt_commit in self:
+                attempt_commit.cancel()
+            self._tell_of_waiting(len(self.under_way) + len(self._later))
+        elif not self._irreplaceable:
             for attempt_commit in self:
                 self.drop(attempt_commit)
         self.converters.end(at_once=self._record.left_s() < math.inf)

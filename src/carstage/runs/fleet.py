@@ -89,7 +89,7 @@ class Fleet(RunSession):
 
     def _give_back(self) -> None:
         for worker in list(self._begun):
-            self._clear_up(worker, keep_pending=True)
+            self._clear_up(worker)
         if self._silent:
             # A worker that only seems dead may still commit: what it has goes where it cannot.
             markers = self._store.committed()
@@ -182,7 +182,14 @@ class Fleet(RunSession):
         if not certain:
             self._silent += self._begun.pop(slot, {}).items()
         elif blame or not self._interruption.requested:
-            self._clear_up(slot, keep_pending=not blame)
+            if blame:  # what it recorded to try its server
+                shutil.rmtree(self._folder.raw / f"worker-{slot}", ignore_errors=True)
+            self._clear_up(slot)
+            self._recorded |= {
+                episode_id
+                for episode_id, attempt in begun.items()
+                if (self._folder.raw_attempt(episode_id, attempt) / PENDING_FILE).exists()
+            }
         if blame:
             self._write(slot, WorkerLost(worker=slot, reason=reason))
             self._record.notice(reason)
@@ -260,19 +267,16 @@ class Fleet(RunSession):
         """Write an event of the run itself about a slot."""
         self._record.copy_event({**event.to_line(), "worker": slot})
 
-    def _clear_up(self, slot: int, *, keep_pending: bool) -> None:
-        """End what a slot has left running, and remove what it has not finished."""
+    def _clear_up(self, slot: int) -> None:
+        """End what a slot has left running, and remove what it has not recorded to its end."""
         end_orphans_of_worker(self._folder.run_id, slot, self._folder.process)
         own = self._folder.raw / f"worker-{slot}"
-        if not keep_pending:
-            shutil.rmtree(own, ignore_errors=True)
         with suppress(OSError):  # none, or a failed self-test's recording, which is kept
             own.rmdir()
         for episode_id, attempt in self._begun.pop(slot, {}).items():
             raw = self._folder.raw_attempt(episode_id, attempt)
-            if keep_pending and (raw / PENDING_FILE).exists():
-                continue
-            self._remove(episode_id, attempt)
+            if not (raw / PENDING_FILE).exists():
+                self._remove(episode_id, attempt)
 
     def _remove(self, episode_id: str, attempt: str) -> None:
         """Remove an attempt and its raw recording; a committed one stays."""

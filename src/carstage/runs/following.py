@@ -27,6 +27,7 @@ from carstage.errors import (
     CollectorError,
     DiskFullError,
     ServerError,
+    StorageError,
 )
 from carstage.execution import CollectorProcess
 from carstage.plan import EpisodePlan, ServerFacts, plan_episodes
@@ -34,15 +35,17 @@ from carstage.plan.estimate import costs_of, estimate_run
 from carstage.rawlog.writing import write_episode_file
 from carstage.releases import refusal
 from carstage.runs.attempt_commit import AttemptCommit, Job
+from carstage.runs.attempts import clear_up_all
 from carstage.runs.cataloguing import run_catalog
 from carstage.runs.commit_queue import CommitQueue
 from carstage.runs.continuing import environment_of
 from carstage.runs.events import AttemptReserved, EpisodeFailed, Notice, OnEvent
 from carstage.runs.folder import CurrentEpisode, RunFolder
 from carstage.runs.interruption import ANSWER_S, Interruption
+from carstage.runs.keeping import FOLLOWING_PLAN
 from carstage.runs.orphans import marked
 from carstage.runs.outcome import SOME_FAILED, RunResult
-from carstage.runs.pending import pending_recordings
+from carstage.runs.pending import Pending, pending_recordings, write_pending
 from carstage.runs.preflight import check_disk, check_open_files, check_output, work_folder
 from carstage.runs.reading import read_document
 from carstage.runs.record import RunRecord
@@ -64,6 +67,8 @@ POLL_S = 0.2
 LEAST_S = 60.0
 """So much simulated time must have room on the disk; nobody knows how long a drive will be."""
 _UNNAMED = "recorded-"
+_UNRESERVED = "a0"
+"""Attempt of a drive that is kept, as the dataset could give it none: no store gives that."""
 """What the collector calls a recording, before its length and so its id are known."""
 _ERRORS: Mapping[str, type[CarStageError]] = {
     **dict.fromkeys(("scene", "plan", "version"), BadInputError),
@@ -137,6 +142,7 @@ def record_beside(
         check_output(place)
         check_open_files()
         store.check()
+        clear_up_all(place, store, notice)
         _check_room(asked, ask_server(host, port, version, patience_s), place, store)
         assert isinstance(config.server, RemoteServerConfig)
         server_python = config.server.client_python, config.server.create_client_env
@@ -226,7 +232,7 @@ class _FollowingSession(RunSession):
             collector = stack.enter_context(
                 CollectorProcess(
                     self._plan,
-                    plan_path=self._folder.logs / "following-plan.json",
+                    plan_path=self._folder.path / FOLLOWING_PLAN,
                     log_path=self._folder.logs / "collector.log",
                     python=str(self._client.path),
                     module="carstage.collector.following",
@@ -254,11 +260,14 @@ class _FollowingSession(RunSession):
                 spec = EpisodeSpec.from_json(header["spec"], kinds=registered_kinds())
                 if isinstance(spec.scenario, RecordedSpec):
                     jobs.append(Job(spec, recording.episode_id))
+                    if recording.attempt == _UNRESERVED:
+                        reserved = recording.folder.with_name(self._reserved(recording.episode_id))
+                        _name(recording.folder, reserved, spec)
         for episode_id in self._queue.take_pending(jobs):
             self._specs += [job.spec for job in jobs if job.episode_id == episode_id]
             self._status.episodes.total += 1
             self._attempted = True
-            self._queue.begin_next()
+        self._queue.begin_all()
 
     def _listen(self, collector: CollectorProcess) -> None:
         """Do what the collector's events ask for, until it ends."""
@@ -348,14 +357,14 @@ class _FollowingSession(RunSession):
             return
         spec = replace(self._spec, steps=ticks)
         episode_id = spec.episode_id
-        holder = {"run_id": self._folder.run_id, **self._folder.process}
-        attempt = self._store.reserve_attempt(episode_id, holder, 1)
+        try:
+            attempt = self._reserved(episode_id)
+        except StorageError:
+            self._keep(recorded, spec)
+            raise
         self._record.event(AttemptReserved(episode_id=episode_id, attempt=attempt))
         attempt_commit = self._queue.attempt_commit(Job(spec, episode_id), attempt)
-        recorded.rename(attempt_commit.raw_folder)
-        header = json.loads((attempt_commit.raw_folder / "episode.json").read_bytes())
-        header.update(episode_id=episode_id, attempt=attempt, spec=spec.to_json())
-        write_episode_file(str(attempt_commit.raw_folder), header)
+        _name(recorded, attempt_commit.raw_folder, spec)
         self._attempted = True
         self._specs.append(spec)
         if incomplete:
@@ -366,14 +375,30 @@ class _FollowingSession(RunSession):
         self._queue.add(attempt_commit)
         self._queue.begin_next()
 
-    def _failed(self, attempt: AttemptCommit, error: CarStageError, final: bool) -> None:
-        """An episode could not be converted; nobody can record it again, so it is kept."""
-        del final
-        episode_id = attempt.job.episode_id
+    def _reserved(self, episode_id: str) -> str:
+        holder = {"run_id": self._folder.run_id, **self._folder.process}
+        return self._store.reserve_attempt(episode_id, holder, 1)
+
+    def _keep(self, recorded: Path, spec: EpisodeSpec) -> None:
+        """Leave a drive that the dataset gives no attempt for to the next recording into it."""
+        raw_folder = self._folder.raw_attempt(spec.episode_id, _UNRESERVED)
+        raw_folder.parent.mkdir(parents=True, exist_ok=True)
+        _name(recorded, raw_folder, spec)
+        codecs = self._config.conversion.codecs
+        write_pending(raw_folder, Pending(codecs, self._environment, None, durable=True))
+        self._tell_it_is_kept(spec.episode_id)
+
+    def _tell_it_is_kept(self, episode_id: str) -> None:
         self._record.notice(
             f"Episode {episode_id} is kept as it was recorded: the next `carstage record` into "
             "this dataset converts it."
         )
+
+    def _failed(self, attempt: AttemptCommit, error: CarStageError, final: bool) -> None:
+        """An episode could not be converted; nobody can record it again, so it is kept."""
+        del final
+        episode_id = attempt.job.episode_id
+        self._tell_it_is_kept(episode_id)
         self._failures[episode_id] = str(error)
         self._status.episodes.failed += 1
         self._record.event(EpisodeFailed(episode_id, attempt.attempt, str(error)))
@@ -413,9 +438,17 @@ class _FollowingSession(RunSession):
         self._queue.give_back()
 
 
+def _name(recorded: Path, raw_folder: Path, spec: EpisodeSpec) -> None:
+    """Make a recording that of an attempt."""
+    recorded.rename(raw_folder)
+    header = json.loads((raw_folder / "episode.json").read_bytes())
+    header.update(episode_id=spec.episode_id, attempt=raw_folder.name, spec=spec.to_json())
+    write_episode_file(str(raw_folder), header)
+
+
 def _address(server: str) -> tuple[str, int]:
     host, colon, port = server.rpartition(":")
-    if not (colon and host and port.isdigit() and 0 < int(port) < 65_534):
+    if not (colon and host and port.isascii() and port.isdigit() and 0 < int(port) < 65_534):
         raise BadInputError(
             f"--server: {server!r} is not HOST:PORT.", "Write, for example, localhost:2000."
         )

@@ -14,6 +14,8 @@ from carstage.runs.reading import liveness, read_document
 from carstage.storage.disk import disk_error
 from carstage.storage.keeping import check_label
 
+FOLLOWING_PLAN = "logs/following-plan.json"
+"""In the folder of a run that recorded beside another program: what its collector was asked."""
 LABEL_FILE = "label.json"
 """In the folder of a run that was renamed: the name that it is shown by."""
 _MOST_NAMED = 5
@@ -54,6 +56,21 @@ def settings_of(folder: Path) -> Mapping[str, Any]:
             "Start it from its configuration file: carstage run CONFIG --out DIR.",
         )
     return config
+
+
+def share_of(folder: Path) -> str | None:
+    """Which share of the configuration's episodes a run records, as ``2/8``; None: all.
+
+    Raises:
+        BadInputError: it recorded beside another program, which alone could make its rest.
+    """
+    if (folder / FOLLOWING_PLAN).exists():
+        raise BadInputError(
+            f"Run {folder.name} recorded what another program drove: it has no rest to go on with.",
+            "Record the next drive: carstage record RIG --out DIR.",
+        )
+    share = (read_document(folder / "plan.json") or {}).get("shard")
+    return share if isinstance(share, str) else None
 
 
 def label_of(folder: Path) -> str | None:

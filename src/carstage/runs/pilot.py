@@ -114,6 +114,9 @@ def shortened(config: Config, longest_s: float = PILOT_S) -> Config:
     """
     document = dump_config(config)
     durations_s = [min(config.duration_s, most_s) for most_s in (_FIRST_S, longest_s)]
+    sensors = {sensor.id for _, sensor in config.sensors_of_all_variants()}
+    codecs = document["conversion"]["codecs"]
+    document["conversion"]["codecs"] = {k: codec for k, codec in codecs.items() if k in sensors}
     document["output"]["keep_raw"] = False
     document["episodes"] = 2
     document["campaign"] = {"method": "grid", "sample": {"duration_s": {"choice": durations_s}}}

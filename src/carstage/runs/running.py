@@ -21,7 +21,7 @@ from carstage.runs.allotment import (
     config_of_worker,
     number_of_workers,
 )
-from carstage.runs.attempts import clear_up, left_runs, sweep
+from carstage.runs.attempts import clear_up_all
 from carstage.runs.cataloguing import run_catalog
 from carstage.runs.continuing import environment_of, refuse_to_mix
 from carstage.runs.enough import QuotaWatch
@@ -31,7 +31,6 @@ from carstage.runs.folder import RunFolder
 from carstage.runs.interruption import ANSWER_S, Interruption
 from carstage.runs.orphans import marked
 from carstage.runs.outcome import RunResult
-from carstage.runs.pending import drop_superseded
 from carstage.runs.preflight import (
     check_before_server,
     check_disk,
@@ -225,20 +224,18 @@ def _check(config: Config, work: Path, store: Store, notice: Callable[[str], Non
     store.check()
 
 
-def _take_over(work: Path, store: Store, notice: Callable[[str], None]) -> Collection[str]:
-    """Clear up after earlier runs; returns the ids of the episodes that the dataset has.
+def _checked(config: ConfigSource) -> Config:
+    if isinstance(config, Config):
+        return config
+    if isinstance(config, Mapping):
+        return check_config(dict(config))
+    return load_config(Path(config))
 
-    It comes first, as what they left takes space on the disk.
-    """
-    for left in left_runs(work, store):
-        if done := clear_up(left, store):
-            notice(done)
-    if not store.exists():
-        return ()
-    present = store.committed()
-    drop_superseded(work, present, store)
-    sweep(work, store, present)
-    for marker in store.lost(present.values()):
+
+def _take_over(work: Path, store: Store, notice: Callable[[str], None]) -> Collection[str]:
+    """Clear up after earlier runs; returns the ids of the episodes that need not be recorded."""
+    present = clear_up_all(work, store, notice)
+    for marker in store.lost(present.values()) if present else ():
         store.retire(marker)
         del present[marker.episode_id]
         notice(
@@ -246,11 +243,3 @@ def _take_over(work: Path, store: Store, notice: Callable[[str], None]) -> Colle
             "Its marker is kept in lost/; it is recorded again."
         )
     return present.keys()
-
-
-def _checked(config: ConfigSource) -> Config:
-    if isinstance(config, Config):
-        return config
-    if isinstance(config, Mapping):
-        return check_config(dict(config))
-    return load_config(Path(config))

@@ -13,7 +13,7 @@ from typing import Any
 
 from carstage.errors import BadInputError
 from carstage.runs.folder import new_run_id
-from carstage.runs.keeping import remove_run, rename_run, settings_of
+from carstage.runs.keeping import remove_run, rename_run, settings_of, share_of
 from carstage.runs.launching import RunOptions, StopError, ask_to_stop
 from carstage.storage.address import dataset_root
 from carstage.storage.keeping import check_label
@@ -126,7 +126,8 @@ class RunService:
 
         Raises:
             WebError: there is no such run, it goes on, or it has recorded everything.
-            BadInputError: it keeps no configuration, or one that cannot be used any more.
+            BadInputError: it keeps no configuration, or one that cannot be used any more, or it
+                recorded what another program drove.
         """
         run = self.summary(run_id)
         if request.dataset is None and not run.resumable:
@@ -135,6 +136,14 @@ class RunService:
                 409,
                 "The run has recorded everything." if done else "The run goes on.",
                 "Record it once more into another dataset." if done else "Stop it first.",
+            )
+        folder = self.folder(run_id)
+        share = None if folder is None else share_of(folder)
+        if share is not None and request.dataset is None:
+            raise WebError(
+                409,
+                f"The run records the share {share} of its episodes; the page would record all.",
+                f"Go on with it by `carstage runs resume {run.location} {run_id}`.",
             )
         launch = self._launches.get(run_id)
         given = launch.options if launch is not None else RunOptions()

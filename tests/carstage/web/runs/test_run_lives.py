@@ -255,6 +255,19 @@ def test_a_run_of_somebody_else_goes_on_too(
     assert recorders.options[second] == RunOptions()
 
 
+def test_a_share_of_a_campaign_is_gone_on_with_at_the_command_line(
+    client: TestClient, tmp_path: Path, demo: dict[str, Any]
+) -> None:
+    run = FakeRun(tmp_path / "drives", "20260101-000000-abcdef", demo)
+    plan = run.folder / "plan.json"
+    plan.write_text(json.dumps({**json.loads(plan.read_bytes()), "shard": "2/8"}))
+    run.end()
+    run.say(state="failed", message="it broke")
+    await_that(over(client, run.folder.name))
+    refused = client.post(f"/api/runs/{run.folder.name}/again", json={})
+    assert (refused.status_code, "2/8" in refused.json()["message"]) == (409, True)
+
+
 def test_runs_are_renamed_and_removed(
     client: TestClient, recorders: Recorders, tmp_path: Path, demo: dict[str, Any]
 ) -> None:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from carstage_sim.world.blueprints import Blueprint
 from carstage_sim.world.blueprints.walkers import uses_wheelchair
 from carstage_sim.world.controls import (
-    STANDING,
     AckermannSettings,
     VehicleControl,
     WalkerControl,
@@ -99,7 +98,7 @@ class Actor:
     gravity: bool = True
     collides: bool = True
     vehicle: VehicleStatus | None = None
-    walker: WalkerControl = STANDING
+    walker: WalkerControl = field(default_factory=WalkerControl)
     bones: BonePose | None = None
 
     @property
@@ -181,6 +180,12 @@ class ActorTable:
         x, y, z = self.location[row].tolist()
         pitch, yaw, roll = self.rotation_deg[row].tolist()
         return Pose((x, y, z), (pitch, yaw, roll))
+
+    def stop(self, actor_ids: Iterable[int]) -> None:
+        """Let actors have no velocity, spin and acceleration, as what is carried no more."""
+        rows = self.rows(actor_ids)
+        for column in (self.velocity, self.angular_velocity_deg, self.acceleration):
+            column[rows] = 0.0
 
     def set_pose(self, actor_id: int, pose: Pose) -> None:
         """Write an actor's row."""

@@ -33,7 +33,7 @@ class AckermannControl:
 
 
 class WalkerControl(NamedTuple):
-    """``carla.WalkerControl``: a unit direction in the world, speed in m/s."""
+    """``carla.WalkerControl``: a direction in the world, whose length times the speed is in m/s."""
 
     direction: Vector3 = (1.0, 0.0, 0.0)
     speed: float = 0.0

@@ -19,10 +19,11 @@ from carstage_sim.world.controls import PhysicsStep
 from carstage_sim.world.pose import Pose
 from carstage_sim.world.state import ActorKind, Collision
 from carstage_sim.world.town_objects import TownObjects
+from carstage_sim.world.vehicles.dynamics import GRAVITY
 from carstage_sim.world.vehicles.fleet import VehicleFleet
 from carstage_sim.world.vehicles.friction_zones import TYPE_ID as FRICTION_TRIGGER
 from carstage_sim.world.vehicles.friction_zones import zone_friction
-from carstage_sim.world.walkers.walking import WalkerMotion
+from carstage_sim.world.walkers.walking import TERMINAL_SPEED, WalkerMotion
 
 KILL_HEIGHT_M = -10485.75
 """What falls below is destroyed: Unreal's default ``KillZ`` of a level."""
@@ -65,6 +66,14 @@ class Mechanics:
         self._objects = objects
         self._hidden: frozenset[int] = frozenset()
         self._hidden_version = -1
+        self._falling: dict[int, float] = {}
+
+    def let_fall(self, prop_id: int, *, falls: bool) -> None:
+        """Whether a prop falls until it lies on something."""
+        if falls:
+            self._falling.setdefault(prop_id, 0.0)
+        else:
+            self._falling.pop(prop_id, None)
 
     def step(
         self,
@@ -101,6 +110,7 @@ class Mechanics:
         table.angular_velocity_deg[rows] = fleet.angular_velocity_deg
         table.acceleration[rows] = fleet.acceleration
         touches = fleet.crashes.touches
+        self._drop(delta_s)
         walkers = table.of_kind(ActorKind.WALKER)
         if touches:
             self._walkers.knock(walkers, *solids.pushed(table))
@@ -120,6 +130,25 @@ class Mechanics:
         if not ground - (z - half_height_m) > STEP_UP_M:  # it may be NaN
             return pose
         return pose._replace(location=(x, y, ground + half_height_m))
+
+    def _drop(self, delta_s: float) -> None:
+        """Props that have physics: free fall, then rest."""
+        table = self._table
+        for prop_id, speed in list(self._falling.items()):
+            prop = table.get(prop_id)
+            if prop is None:
+                del self._falling[prop_id]
+            elif prop.gravity and prop.parent_id not in table:
+                row = table.row(prop_id)
+                low_m = prop.box_center[2] - prop.box_extent[2]
+                bottom = table.location[row] + [0.0, 0.0, low_m]
+                (ground,) = self._terrain.ground.height_below(bottom[None]).tolist()
+                drop = speed * delta_s + 0.5 * GRAVITY * delta_s**2
+                lies = bottom[2] - drop <= ground  # false where there is none
+                table.location[row, 2] = ground - low_m if lies else table.location[row, 2] - drop
+                speed = 0.0 if lies else min(speed + GRAVITY * delta_s, TERMINAL_SPEED)
+                table.velocity[row] = 0.0, 0.0, -speed
+                self._falling[prop_id] = speed
 
     def fallen(self) -> list[int]:
         """Ids of vehicles and walkers that have left the world downwards."""

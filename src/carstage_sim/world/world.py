@@ -303,6 +303,8 @@ class World:
             self.fleet.remove(actor_id)
         self._remember(actor)
         self._attachments = None
+        orphans = [one.actor_id for one in self.actors if one.parent_id == actor_id]
+        self.actors.stop(orphans)
         return True
 
     def kill_walker(self, actor_id: int) -> None:
@@ -339,13 +341,17 @@ class World:
             actor.relative = pose
             self._attachments = None
             return
+        if actor.kind is ActorKind.WALKER and actor.simulate_physics:
+            pose = self._mechanics.lifted(pose, actor.box_extent[2])
         self.actors.set_pose(actor_id, pose)
         if actor.vehicle is not None:
             self.fleet.set_transform(actor_id, pose.location, pose.rotation_deg)
 
     def set_location(self, actor_id: int, location: Vector3) -> None:
-        """Teleport an actor without turning it."""
-        pose = self.actors.pose(self.live(actor_id).actor_id)
+        """Teleport an actor without turning it; of an attached one, within its parent's frame."""
+        actor = self.live(actor_id)
+        attached = actor.parent_id in self.actors
+        pose = actor.relative if attached else self.actors.pose(actor_id)
         self.set_pose(actor_id, pose._replace(location=location))
 
     def control_vehicle(self, actor_id: int, control: VehicleControl) -> None:
@@ -390,9 +396,11 @@ class World:
         walker.walker = WalkerControl(ahead, speed)
 
     def set_simulate_physics(self, actor_id: int, enabled: bool) -> None:
-        """Whether the dynamics move an actor."""
+        """Whether the dynamics move an actor; props fall and lie, nothing else moves them."""
         actor = self.live(actor_id)
         actor.simulate_physics = enabled
+        if actor.type_id.startswith("static.prop."):
+            self._mechanics.let_fall(actor_id, falls=enabled)
         if actor.vehicle is not None:
             self.fleet.set_simulate_physics(actor_id, enabled)
 

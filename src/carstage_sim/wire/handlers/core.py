@@ -109,7 +109,9 @@ def _navigation_path(call: Call) -> str:
 
 @handles("get_required_files")
 def _get_required_files(call: Call, folder: str) -> list[str]:
-    return [_navigation_path(call)] if folder == "Nav" and call.world.town.navigation else []
+    """Of a folder of the map, or of all of them: only that of the navigation is to be had so."""
+    offered = folder in ("", "Nav") and call.world.town.navigation
+    return [_navigation_path(call)] if offered else []
 
 
 @handles("request_file")

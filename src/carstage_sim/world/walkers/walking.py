@@ -22,10 +22,16 @@ IntArray = NDArray[np.int64]
 
 _MAX_PLAUSIBLE_SPEED = 15.0
 _STILL = 1e-3
+_STEP_M = 0.6
+"""Ground that is nearer below the feet is stepped down to."""
 _KNOCK_FRICTION = 6.0  # m/s^2: how fast a knocked walker comes to rest
 _LONGEST_WAY_M = 0.15
 """How far a walker goes between two looks at the walls: less than half its width."""
-_TERMINAL_SPEED = 40.0
+_FASTEST = 40.96
+"""m/s, CARLA's ``MaxWalkSpeed``: what it multiplies with the length of a direction."""
+_JUMP_SPEED = 5.0
+"""m/s upwards, CARLA's ``JumpZVelocity`` (``WalkerController.cpp``)."""
+TERMINAL_SPEED = 40.0
 """m/s, Unreal's ``DefaultTerminalVelocity``."""
 
 
@@ -105,6 +111,7 @@ class WalkerMotion:
         length = np.linalg.norm(direction, axis=1)
         moving = (length > _STILL) & (speed > _STILL)
         unit = direction / np.where(moving, length, 1.0)[:, None]
+        speed = np.minimum(speed * length, _FASTEST)
         way = (np.where(moving, speed, 0.0)[:, None] * unit)[:, :2] + self._knock[own]
         extent = np.array([walkers[k].box_extent for k in own])
         collides = np.array([walkers[k].collides for k in own])
@@ -122,7 +129,8 @@ class WalkerMotion:
         # Who is weightless goes up and down as its direction says.
         rises = np.where(falls | ~moving, 0.0, speed * unit[:, 2] * delta_s)
         table.location[at, 2] += rises
-        self._stand(table, own, at, extent[:, 2], falls, delta_s)
+        jumps = np.array([walkers[k].walker.jump for k in own], np.bool_)
+        self._stand(table, own, at, extent[:, 2], falls, jumps, delta_s)
 
     def _go(
         self,
@@ -152,19 +160,21 @@ class WalkerMotion:
         at: NDArray[np.intp],
         half_height: FloatArray,
         falls: NDArray[np.bool_],
+        jumps: NDArray[np.bool_],
         delta_s: float,
     ) -> None:
-        """Feet on the ground where it is near, free fall where it is not."""
+        """Feet on the ground where it is near, free fall where it is not, or after a jump."""
         feet = table.location[at].copy()
         feet[:, 2] -= half_height
         ground = self._ground.height_below(feet)
-        speed = self._fall[own]
+        stands = (self._fall[own] == 0.0) & (feet[:, 2] - ground < _STEP_M)
+        speed = np.where(falls & jumps & stands, -_JUMP_SPEED, self._fall[own])
         drop = speed * delta_s + 0.5 * GRAVITY * delta_s**2
-        stepping = (speed == 0.0) & (feet[:, 2] - ground < 0.6)
+        stepping = (speed == 0.0) & (feet[:, 2] - ground < _STEP_M)
         lands = falls & ~np.isnan(ground) & (stepping | (feet[:, 2] - drop <= ground))
         sinks = falls & ~lands
         self._fall[own] = np.where(
-            sinks, np.minimum(speed + GRAVITY * delta_s, _TERMINAL_SPEED), 0.0
+            sinks, np.minimum(speed + GRAVITY * delta_s, TERMINAL_SPEED), 0.0
         )
         z = np.where(lands, ground, np.where(sinks, feet[:, 2] - drop, feet[:, 2]))
         table.location[at, 2] = z + half_height

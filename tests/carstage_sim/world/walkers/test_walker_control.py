@@ -1,0 +1,123 @@
+"""Walkers under a client's control, and what is teleported, dropped or left behind."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from carstage_sim.maps import Town
+from carstage_sim.world.actors import Actor
+from carstage_sim.world.controls import WalkerControl
+from carstage_sim.world.pose import Pose
+from carstage_sim.world.world import World
+
+WALKER = "walker.pedestrian.0001"
+CAR = "vehicle.tesla.model3"
+DELTA_S = 0.05
+
+
+@pytest.fixture(scope="module")
+def earlier(stage01: Town) -> World:
+    return World(stage01, episode_id=0)
+
+
+@pytest.fixture
+def world(stage01: Town, earlier: World) -> World:
+    return World(stage01, episode_id=1, previous=earlier)
+
+
+def spawned(world: World, type_id: str, height_m: float, index: int = 3) -> Actor:
+    x, y, z, *_ = world.town.spawn_points[index].tolist()
+    return world.spawn(type_id, {}, Pose((x, y, z + height_m), (0.0, 50.0, 0.0)))
+
+
+def place(world: World, actor: Actor) -> np.ndarray:
+    return np.array(world.actors.pose(actor.actor_id).location)
+
+
+def after(world: World, seconds: float) -> None:
+    for _ in range(round(seconds / DELTA_S)):
+        world.tick(DELTA_S)
+
+
+@pytest.mark.parametrize(("length", "metres"), [(0.5, 0.75), (1.0, 1.5), (5.0, 7.5)])
+def test_the_length_of_the_direction_counts(world: World, length: float, metres: float) -> None:
+    walker = spawned(world, WALKER, 1.0)
+    after(world, 0.5)
+    before = place(world, walker)
+    direction = np.array([np.cos(np.radians(50)), np.sin(np.radians(50)), 0.0]) * length
+    world.control_walker(walker.actor_id, WalkerControl(tuple(direction.tolist()), 1.5))
+    after(world, 1.0)
+    assert np.linalg.norm(place(world, walker) - before) == pytest.approx(metres, rel=0.02)
+
+
+def test_a_new_walker_s_control_points_ahead_as_carla_s_does(world: World) -> None:
+    walker = spawned(world, WALKER, 1.0)
+    assert walker.walker == WalkerControl((1.0, 0.0, 0.0), 0.0)
+
+
+def test_a_jump_is_of_carlas_height(world: World) -> None:
+    walker = spawned(world, WALKER, 1.0)
+    after(world, 0.5)
+    before = place(world, walker)
+    world.control_walker(walker.actor_id, WalkerControl(jump=True))
+    world.tick(DELTA_S)
+    world.control_walker(walker.actor_id, WalkerControl())
+    heights = []
+    for _ in range(30):
+        heights.append(place(world, walker)[2] - before[2])
+        world.tick(DELTA_S)
+    assert max(heights) == pytest.approx(5.0**2 / (2 * 9.81), rel=0.05)
+    assert heights[-1] == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("height_m", [0.0, 0.3, 0.6])
+def test_a_walker_teleported_to_the_ground_stands_on_it(world: World, height_m: float) -> None:
+    walker = spawned(world, WALKER, 1.0)
+    after(world, 0.5)
+    before = place(world, walker)
+    x, y, z, *_ = world.town.spawn_points[5].tolist()
+    road = z - 0.5 if z > 0.4 else 0.0
+    world.set_location(walker.actor_id, (x, y, road + height_m))
+    after(world, 2.0)
+    assert place(world, walker)[2] == pytest.approx(before[2], abs=0.3)
+
+
+def test_a_sensor_that_is_moved_on_its_car_keeps_its_turn(world: World) -> None:
+    car = spawned(world, CAR, 0.3)
+    mount = Pose((0.5, 0.0, 1.5), (0.0, 20.0, 0.0))
+    sensor = world.spawn("sensor.other.gnss", {}, mount, parent_id=car.actor_id)
+    for _ in range(3):
+        world.set_location(sensor.actor_id, (2.0, 0.0, 1.5))
+        world.tick(DELTA_S)
+    turn = world.actors.pose(sensor.actor_id).rotation_deg[1]
+    assert turn - world.actors.pose(car.actor_id).rotation_deg[1] == pytest.approx(20.0, abs=0.1)
+
+
+def test_what_rode_on_a_car_stands_when_the_car_is_gone(world: World) -> None:
+    car = spawned(world, CAR, 0.3)
+    sensor = world.spawn("sensor.other.gnss", {}, Pose((0.0, 0.0, 2.0)), parent_id=car.actor_id)
+    world.set_target_velocity(car.actor_id, (5.0, 0.0, 0.0))
+    after(world, 0.2)
+    row = world.actors.row(sensor.actor_id)
+    assert np.linalg.norm(world.actors.velocity[row]) > 2.0
+    world.destroy(car.actor_id)
+    world.tick(DELTA_S)
+    assert not world.actors.velocity[world.actors.row(sensor.actor_id)].any()
+
+
+def test_a_prop_with_physics_falls_and_lies(world: World) -> None:
+    prop = spawned(world, "static.prop.barrel", 2.5)
+    after(world, 0.5)
+    hangs = place(world, prop)[2]
+    world.set_simulate_physics(prop.actor_id, True)
+    after(world, 0.2)
+    assert hangs - place(world, prop)[2] == pytest.approx(0.5 * 9.81 * 0.2**2, rel=0.05)
+    after(world, 2.0)
+    lies = place(world, prop)[2]
+    x, y, z = place(world, prop).tolist()
+    bottom = z + prop.box_center[2] - prop.box_extent[2]
+    ground = world.terrain.ground.highest(np.array([[x, y]]))[0]
+    assert bottom == pytest.approx(ground, abs=1e-6)
+    after(world, 0.5)
+    assert place(world, prop)[2] == lies

@@ -80,7 +80,8 @@ def _physics_control(scene: TrialScene) -> None:
     expect(abs(read.wheels[0].tire_friction - 1.5) < 1e-5, "friction reads back")
 
 
-@works("Vehicle.get_telemetry_data", "VehicleTelemetryData.*")
+@limited("Of a car on its way; wheels roll without slip and carry equal loads.",
+         "Vehicle.get_telemetry_data", "VehicleTelemetryData.*")  # fmt: skip
 def _telemetry(scene: TrialScene) -> None:
     """Speed, pedals and four wheels of a car on its way."""
     car = scene.car()

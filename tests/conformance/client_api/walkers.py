@@ -11,7 +11,7 @@ from client_api.trial_scene import TrialScene, expect, look_at
 
 @works("Walker.apply_control", "Walker.get_control", "WalkerControl.*")
 def _walking(scene: TrialScene) -> None:
-    """It walks in the direction and at the speed of its control."""
+    """It walks in the direction, at the speed times the direction's length, and jumps."""
     walker = scene.spawn("walker.pedestrian.0002")
     start = walker.get_location()
     walker.apply_control(carla.WalkerControl(carla.Vector3D(1.0, 0.0, 0.0), 1.5, False))
@@ -21,6 +21,11 @@ def _walking(scene: TrialScene) -> None:
     control = walker.get_control()
     expect(abs(control.speed - 1.5) < 1e-5 and control.direction.x > 0.99, "control reads back")
     expect(not control.jump, "jump reads back")
+    start = walker.get_location()
+    walker.apply_control(carla.WalkerControl(carla.Vector3D(0.5, 0.0, 0.0), 1.5, True))
+    scene.ticks(4)
+    gone = walker.get_location() - start
+    expect(gone.x < 0.3 and gone.z > 0.4, f"half as fast, and in the air: {gone}")
 
 
 @works("Walker.get_bones", "Walker.set_bones", "Walker.blend_pose", "Walker.show_pose",

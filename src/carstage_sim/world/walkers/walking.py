@@ -16,6 +16,7 @@ from carstage_sim.world.actors import Actor, ActorTable
 from carstage_sim.world.columns import Rotation
 from carstage_sim.world.contacts.obstacles import Obstacles
 from carstage_sim.world.vehicles.dynamics import GRAVITY
+from carstage_sim.world.walkers.bystanders import Bystanders
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -115,7 +116,8 @@ class WalkerMotion:
         way = (np.where(moving, speed, 0.0)[:, None] * unit)[:, :2] + self._knock[own]
         extent = np.array([walkers[k].box_extent for k in own])
         collides = np.array([walkers[k].collides for k in own])
-        self._go(table, at, way * delta_s, extent, collides)
+        bystanders = Bystanders(table, walkers)
+        self._go(table, at, way * delta_s, extent, collides, bystanders)
         knock = np.linalg.norm(self._knock[own], axis=1)
         left = np.maximum(knock - _KNOCK_FRICTION * delta_s, 0.0) / np.maximum(knock, 1e-9)
         self._knock[own] *= left[:, None]
@@ -139,8 +141,9 @@ class WalkerMotion:
         way: FloatArray,
         extent: FloatArray,
         collides: NDArray[np.bool_],
+        bystanders: Bystanders,
     ) -> None:
-        """Moves walkers over the plane in short steps, out of every wall that they get into."""
+        """Moves walkers over the plane in short steps, out of all that they get into."""
         longest = float(np.linalg.norm(way, axis=1).max())
         if longest == 0.0:
             return
@@ -152,6 +155,7 @@ class WalkerMotion:
             yaw = np.radians(table.rotation_deg[at, Rotation.YAW])
             for contact in self._obstacles.contacts(bumps, feet, extent[:, :2], yaw):
                 table.location[at[contact.first], :2] -= contact.normal * contact.depth_m
+            bystanders.push_out(at[bumps], extent[bumps])
 
     def _stand(
         self,

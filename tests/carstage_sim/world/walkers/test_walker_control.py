@@ -56,6 +56,24 @@ def test_a_new_walker_s_control_points_ahead_as_carla_s_does(world: World) -> No
     assert walker.walker == WalkerControl((1.0, 0.0, 0.0), 0.0)
 
 
+@pytest.mark.parametrize("what", ["static.prop.vendingmachine", "static.prop.barrel", WALKER])
+def test_a_walker_stops_at_props_and_at_who_stands(world: World, what: str) -> None:
+    walker = spawned(world, WALKER, 1.0)
+    after(world, 0.5)
+    start = place(world, walker)
+    ahead = np.array([np.cos(np.radians(50)), np.sin(np.radians(50)), 0.0])
+    x, y, z = (start + 4.0 * ahead).tolist()
+    height = z if what == WALKER else z - walker.box_extent[2]
+    other = world.spawn(what, {}, Pose((x, y, height), (0.0, 50.0, 0.0)))
+    world.control_walker(walker.actor_id, WalkerControl(tuple(ahead.tolist()), 1.5))
+    after(world, 5.0)
+    room_m = walker.box_extent[0] + other.box_extent[0]
+    assert place(world, walker) @ ahead - start @ ahead == pytest.approx(4.0 - room_m, abs=0.3)
+    world.set_collides(walker.actor_id, False)
+    after(world, 3.0)
+    assert place(world, walker) @ ahead - start @ ahead > 5.0
+
+
 def test_a_jump_is_of_carlas_height(world: World) -> None:
     walker = spawned(world, WALKER, 1.0)
     after(world, 0.5)

@@ -328,8 +328,8 @@ def test_walker_walks_where_its_control_says_and_stands_on_the_ground(
     row = world.actors.row(walker.actor_id)
     x, y, _ = place(stage01).location
     moved = snapshot.state.location[row]
-    np.testing.assert_allclose(moved[:2], [x, y + 1.5 * 10 * DELTA_S])
-    np.testing.assert_allclose(snapshot.state.velocity[row], [0.0, 1.5, 0.0], atol=1e-9)
+    np.testing.assert_allclose(moved[:2], [x, y + 3.0 * 10 * DELTA_S])
+    np.testing.assert_allclose(snapshot.state.velocity[row], [0.0, 3.0, 0.0], atol=1e-9)
     assert snapshot.state.rotation_deg[row, 1] == pytest.approx(90.0)
     assert moved[2] - walker.box_extent[2] == pytest.approx(0.0, abs=1e-6)  # the road's height
 

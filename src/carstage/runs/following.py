@@ -67,9 +67,9 @@ POLL_S = 0.2
 LEAST_S = 60.0
 """So much simulated time must have room on the disk; nobody knows how long a drive will be."""
 _UNNAMED = "recorded-"
+"""What the collector calls a recording, before its length and so its id are known."""
 _UNRESERVED = "a0"
 """Attempt of a drive that is kept, as the dataset could give it none: no store gives that."""
-"""What the collector calls a recording, before its length and so its id are known."""
 _ERRORS: Mapping[str, type[CarStageError]] = {
     **dict.fromkeys(("scene", "plan", "version"), BadInputError),
     "connection": ServerError,

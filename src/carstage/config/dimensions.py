@@ -23,7 +23,7 @@ Path = tuple[str | int, ...]
 _ALONE = frozenset(
     ("duration_s", "save_every", "map", "weather", "vehicles", "pedestrians", "traffic", "ego")
 )
-"""Settings that go together with any others, but for the number of steps."""
+"""Settings that go together with any others, but for the number of steps, drivers and maps."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,8 @@ class Variants:
         keys = sorted({str(path[0]) for path in paths})
         base = config.model_dump(mode="json")
         self._base = {key: base[key] for key in keys}
-        self._alone = _ALONE.issuperset(keys)
+        together = any(path[0] == "map" or path[:2] == ("ego", "driver") for path in paths)
+        self._alone = _ALONE.issuperset(keys) and not together
         self._model = _sections_model(tuple(keys))
 
     def with_values(self, values: Mapping[Path, Any]) -> Config:

@@ -337,7 +337,7 @@ class Config(Section):
             )
         cameras = self.labels.method != "stage_vo" and any(map(self._is_labelled, self.sensors))
         lidars = any(sensor.row.content == TAGGED_POINTS for sensor in self.sensors)
-        if not (asked.exact or cameras or lidars or self.labels.lidars):
+        if not (asked.exact or cameras or lidars or self.labelled_lidars):
             raise problem(
                 "no sensor tells the classes of surfaces.",
                 "Label a camera with pixels in labels.method, or a LiDAR by labels.lidars.",

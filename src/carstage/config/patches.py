@@ -116,8 +116,8 @@ def ends(value: float | tuple[float, float]) -> tuple[float, float]:
 
 
 def with_pair(data: dict[str, Any]) -> dict[str, Any]:
-    """A configuration with patches and no variants records each episode with and without."""
-    if not data.get("patches") or data.get("variants"):
+    """A configuration that shows patches and has no variants records each with and without."""
+    if not data.get("patches") or data.get("variants") or data.get("show_patches") is False:
         return data
     return {**data, "variants": {WITH: {}, WITHOUT: {"show_patches": False}}}
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import time
 from collections.abc import Mapping
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from carstage.files.bounded import LARGEST_DOCUMENT_BYTES, open_regular, read_bounded
+from carstage.files.json_text import parse_json
 from carstage.runs.folder import FINAL_STATES, RESTED_S
 from carstage.runs.identity import is_alive
 
@@ -20,7 +20,7 @@ _MOST_READ_BYTES = 8 << 20
 def read_document(path: Path) -> dict[str, Any] | None:
     """The JSON object in a file; None where there is none (yet)."""
     try:
-        document = json.loads(read_bounded(path, LARGEST_DOCUMENT_BYTES))
+        document = parse_json(read_bounded(path, LARGEST_DOCUMENT_BYTES))
     except (OSError, ValueError):
         return None
     return document if isinstance(document, dict) else None
@@ -72,7 +72,7 @@ class EventTail:
 def parse_event(line: bytes) -> dict[str, Any] | None:
     """The content of a line of ``events.jsonl``; None for one that is not whole."""
     try:
-        event = json.loads(line)
+        event = parse_json(line)
     except ValueError:
         return None  # a full disk may have left a line that is not whole
     return event if isinstance(event, dict) and isinstance(event.get("event"), str) else None

@@ -8,6 +8,7 @@ from typing import Any
 from carstage import __version__
 from carstage.errors import DatasetError
 from carstage.files.bounded import LARGEST_DOCUMENT_BYTES, read_bounded
+from carstage.files.json_text import parse_json
 from carstage.storage.remote_path import DatasetPath
 from carstage.tags import TAGS_0_9_14
 
@@ -58,7 +59,7 @@ def parse_description(content: bytes, source: str) -> dict[str, Any]:
         DatasetError: it is damaged, or its format version is not ours.
     """
     try:
-        document = json.loads(content)
+        document = parse_json(content)
         version = document["format_version"]
     except (ValueError, KeyError, TypeError) as error:
         raise _unreadable(source, error) from error

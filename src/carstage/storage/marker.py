@@ -10,6 +10,7 @@ from typing import Any
 from carstage.errors import DatasetError
 from carstage.files.bounded import LARGEST_DOCUMENT_BYTES, read_bounded
 from carstage.files.hashing import UnknownAlgorithmError, check_hash
+from carstage.files.json_text import parse_json
 from carstage.storage.remote_path import DatasetPath
 
 FORMAT_VERSION = 2
@@ -81,7 +82,7 @@ class CommitMarker:
                 hashes of an unknown algorithm.
         """
         try:
-            document: dict[str, Any] = json.loads(content)
+            document: dict[str, Any] = parse_json(content)
             version = document["format_version"]
             if version in (_SHA256_VERSION, FORMAT_VERSION):
                 return cls(

@@ -7,10 +7,10 @@ and a name that it has bent to 127.0.0.1 (DNS rebinding) stands in Host.
 from __future__ import annotations
 
 import hmac
-from http.cookies import CookieError, SimpleCookie
 from urllib.parse import parse_qs, urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import cookie_parser
 from starlette.responses import RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -87,11 +87,9 @@ class Guard:
         bearer = headers.get("authorization", "")
         given = [bearer.removeprefix("Bearer ")] if bearer.startswith("Bearer ") else []
         for line in headers.getlist("cookie"):
-            try:
-                morsel = SimpleCookie(line).get(self._cookie)
-            except CookieError:
-                continue
-            given += [morsel.value] if morsel is not None else []
+            # Cookies of other programs on this machine come along, of whatever form.
+            cookie = cookie_parser(line).get(self._cookie)
+            given += [cookie] if cookie is not None else []
         return any(self._equal(token) for token in given)
 
     def _presented(self, scope: Scope) -> bool:

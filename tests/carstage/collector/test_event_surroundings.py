@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any
 
@@ -44,11 +45,15 @@ class Frames:
 
 
 def world_of(
-    monkeypatch: pytest.MonkeyPatch, vehicles: list[Vehicle], ego: Vehicle, frames: Frames
+    monkeypatch: pytest.MonkeyPatch,
+    vehicles: list[Vehicle],
+    ego: Vehicle,
+    frames: Frames,
+    agents: Sequence[Any] = (),
 ) -> Surroundings:
     monkeypatch.setattr(surroundings, "driven_by_traffic", lambda spec, population: vehicles)
     monkeypatch.setattr(surroundings, "personalities", lambda *_: [{} for _ in vehicles])
-    population: Any = SimpleNamespace(vehicles=vehicles, ego=ego)
+    population: Any = SimpleNamespace(vehicles=vehicles, ego=ego, agents=agents)
     session: Any = SimpleNamespace(world=frames)
     spec: Any = SimpleNamespace(step_s=0.1)
     return Surroundings(session, spec, population, 8000, random.Random(1))
@@ -70,6 +75,13 @@ def test_who_the_traffic_manager_has_destroyed_is_no_longer_seen(
     assert [one.actor.id for one in world.others()] == [2]
     assert not world.is_far(vehicles, 25.0)
     assert world.is_far(vehicles[:1], 25.0)
+
+
+def test_cars_of_a_fleet_are_in_the_way_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    car = SimpleNamespace(actor=Vehicle(1, 10.0), spec=SimpleNamespace(vehicle=object()))
+    mast = SimpleNamespace(actor=None, spec=SimpleNamespace(vehicle=None))
+    world = world_of(monkeypatch, [], Vehicle(3, 0.0), Frames([car.actor]), (car, mast))
+    assert world.first_taken([(10.0, 0.0)]) == 0
 
 
 def test_who_is_there_is_seen_whatever_is_alive_says(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,6 +18,22 @@ REFUSED = {
     "not a number": ("duration_s: .nan", "duration_s: ", "finite"),
     "no step": ("duration_s: 0.01", "duration_s: ", "at least 0.1 s"),
     "number for a section": ("vehicles: 20", "vehicles: ", "key: value"),
+    "classes of no sensor": (
+        "labels: {method: stage_vo, lidars: all, occupancy: {}}",
+        "labels.occupancy: ",
+        "Label a camera",
+    ),
+    "one of several drivers without a camera": (
+        "rig: {sensors: [{id: A, kind: imu}]}\n"
+        "ego: {driver: {choice: [{kind: autopilot}, {kind: keyboard}]}}",
+        "ego.driver",
+        "kind rgb",
+    ),
+    "one of several drivers by the clock": (
+        "timing: {mode: async}\nego: {driver: {choice: [{kind: autopilot}, {kind: route}]}}",
+        "ego.driver",
+        "sync",
+    ),
     "sensor called as a stream": (
         "rig: {sensors: [{id: world, kind: rgb}]}",
         "rig.sensors[0].id: ",

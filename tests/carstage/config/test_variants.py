@@ -156,3 +156,9 @@ def test_recorded_variants_are_found_among_the_planned_ones() -> None:
     (plain,) = specs({})
     assert matcher.number_of(plain) is None
     assert PlanMatcher(config({})).number_of(specs({"low": LOW})[0]) is None
+
+
+def test_patches_that_are_not_shown_make_no_pair() -> None:
+    patches = "patches: [{target: billboard, pattern: noise}]\n"
+    assert set(parse_config(patches).variants) == {"patched", "plain"}
+    assert not parse_config(patches + "show_patches: false\n").variants

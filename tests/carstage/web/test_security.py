@@ -98,6 +98,17 @@ def test_the_token_in_the_address_becomes_a_cookie_that_scripts_cannot_read(
         assert refused.status_code == 403
 
 
+def test_cookies_of_other_programs_lock_nobody_out(tmp_path: Path) -> None:
+    with open_site(tmp_path, host="0.0.0.0", token=TOKEN) as client:
+        given = client.get(f"/?token={TOKEN}", follow_redirects=False).headers["set-cookie"]
+        own = given.split(";")[0]
+        client.cookies.clear()
+        for others in ('prefs={"theme":"dark"}', "theme=dark mode; seen", "seen", "user@x=1"):
+            for line, status in ((others, 403), (f"{others}; {own}", 200)):
+                answer = client.get("/api/runs", headers={"cookie": line})
+                assert answer.status_code == status, line
+
+
 def test_programs_give_the_token_as_bearer(tmp_path: Path) -> None:
     with open_site(tmp_path, host="0.0.0.0", token=TOKEN) as client:
         right = client.get("/api/runs", headers={"Authorization": f"Bearer {TOKEN}"})

@@ -136,7 +136,7 @@ def _read(marker: DatasetPath) -> EpisodeFacts:
     try:
         document = json.loads(read_bounded(path, LARGEST_DOCUMENT_BYTES))
         spec = EpisodeSpec.from_json(document["spec"])
-    except (OSError, KeyError, TypeError, ValueError) as error:
+    except (OSError, KeyError, TypeError, ValueError, RecursionError) as error:
         raise DatasetError(f"{path} is missing or damaged: {error!r}.") from error
     written = spec.written_sensors
     contents = [(s.id, kind.content) for s in written if (kind := known_kind(s.kind)) is not None]

@@ -17,6 +17,7 @@ from carstage.web.messages import CameraObject, EgoPose, FrameMessage, FrameObje
 
 if TYPE_CHECKING:
     from carstage.dataset import EpisodeFrames, Frame
+    from carstage.storage import CommitMarker
 
 _MOST_EPISODES = 4
 Row = Mapping[str, Any]
@@ -32,7 +33,7 @@ class FrameService:
     def __init__(self, catalogue: Catalogue) -> None:
         self._catalogue = catalogue
         self._lock = threading.Lock()
-        self._kept: OrderedDict[tuple[str, str], EpisodeFrames] = OrderedDict()
+        self._kept: OrderedDict[tuple[str, str], tuple[CommitMarker, EpisodeFrames]] = OrderedDict()
 
     def frame(self, dataset: str, episode_id: str, k: int) -> Frame:
         """A frame.
@@ -48,8 +49,10 @@ class FrameService:
             raise not_found(f"frame {k} in episode {episode_id}")
         key = str(episode.folder), episode.marker.attempt
         with self._lock:
-            frames = self._kept.pop(key, None) or EpisodeFrames(episode)
-            self._kept[key] = frames
+            marker, frames = self._kept.pop(key, (None, None))
+            if frames is None or marker != episode.marker:  # removed and recorded again meanwhile
+                frames = EpisodeFrames(episode)
+            self._kept[key] = episode.marker, frames
             while len(self._kept) > _MOST_EPISODES:
                 self._kept.popitem(last=False)
         return frames.frame(k)

@@ -13,6 +13,7 @@ from carstage.web.messages.datasets import Span
 
 if TYPE_CHECKING:
     from carstage.dataset import Episode
+    from carstage.storage import CommitMarker
 
 NEAR_M = 20.0
 _MOST_KEPT = 4
@@ -36,7 +37,9 @@ class HistoryService:
     def __init__(self, catalogue: Catalogue) -> None:
         self._catalogue = catalogue
         self._lock = threading.Lock()
-        self._kept: OrderedDict[tuple[str, str, float], EpisodeHistory] = OrderedDict()
+        self._kept: OrderedDict[tuple[str, str, float], tuple[CommitMarker, EpisodeHistory]] = (
+            OrderedDict()
+        )
 
     def history(self, dataset: str, episode_id: str, near_m: float = NEAR_M) -> EpisodeHistory:
         """The history of an episode.
@@ -53,12 +56,14 @@ class HistoryService:
         episode = self._catalogue.episode(dataset, episode_id)
         key = str(episode.folder), episode.marker.attempt, near_m
         with self._lock:
-            if key in self._kept:
+            marker, kept = self._kept.get(key, (None, None))
+            if kept is not None and marker == episode.marker:
                 self._kept.move_to_end(key)
-                return self._kept[key]
+                return kept
         made = _history(episode, near_m)
         with self._lock:
-            self._kept[key] = made
+            self._kept[key] = episode.marker, made
+            self._kept.move_to_end(key)
             while len(self._kept) > _MOST_KEPT:
                 self._kept.popitem(last=False)
         return made

@@ -95,6 +95,10 @@ class JobService:
             raise WebError(
                 409, f"{EXPORTS}/{name} exists already.", "Choose another name, or overwrite it."
             )
+        if self.writes(name):
+            raise WebError(
+                409, f"{EXPORTS}/{name} is being written.", "Wait for its end, or cancel it first."
+            )
         options = request.model_dump(exclude={"format", "out", "overwrite", "allow_incomplete"})
         return self._begin(
             {

@@ -139,6 +139,10 @@ class SensorPreviewService:
 
     def make_room(self, key: str) -> None:
         """Give a server back that a run is about to use."""
+        candidate, starting = self._candidate, self._starting
+        if candidate is not None and candidate.key == key and starting is not None:
+            candidate.kill()  # it holds what the run is about to use
+            starting.join()
         server = self._server
         if server is None or server.key != key:
             return

@@ -261,6 +261,7 @@ def test_a_share_of_a_campaign_is_gone_on_with_at_the_command_line(
     run = FakeRun(tmp_path / "drives", "20260101-000000-abcdef", demo)
     plan = run.folder / "plan.json"
     plan.write_text(json.dumps({**json.loads(plan.read_bytes()), "shard": "2/8"}))
+    await_that(lambda: run.folder.name in runs(client))
     run.end()
     run.say(state="failed", message="it broke")
     await_that(over(client, run.folder.name))

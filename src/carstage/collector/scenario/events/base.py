@@ -90,7 +90,7 @@ class Event:
         self.reason = reason
         self._leave()
         self._enter(WAITING)
-        self.world.keep_lane(False)
+        self.world.keep_lane(self, False)
 
     @property
     def elapsed_s(self) -> float:
@@ -108,7 +108,7 @@ class Event:
         elif self.state == RUNNING:
             if not self.run():
                 self._enter(ENDED)
-                self.world.keep_lane(False)
+                self.world.keep_lane(self, False)
                 self.release()
         elif self.actors and not self.adopted:
             if self.world.is_far(self.actors, GONE_M):
@@ -125,7 +125,7 @@ class Event:
         if reason is None:
             self.reason = "it was placed, and the episode ended before it began"
             self._enter(PLACED)
-            self.world.keep_lane(True)
+            self.world.keep_lane(self, True)
         else:
             self.reason = reason
             self._leave()

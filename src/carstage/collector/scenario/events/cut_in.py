@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, List, Optional, Tuple
 
 from carstage.collector.scenario.events.base import Event, event
@@ -79,8 +80,9 @@ class CutIn(Event):
             return "the ego did not come beside the car"
         self._car.keep_gap(self.spec.gap_m)
         _, right_m = self.world.from_ego(self._car.actor.get_location())
+        side = math.copysign(1.0, self._over_m)
         beside = NEAR <= self._car.gap_m / self.spec.gap_m <= FAR
-        if self.elapsed_s >= BESIDE_S and beside and right_m * self._over_m < -BESIDE_M:
+        if self.elapsed_s >= BESIDE_S and beside and right_m * side < -BESIDE_M:
             self._begin_m_s = self.world.ego_speed_m_s
             self.begin()
         return None

@@ -88,4 +88,5 @@ class HardBrakingLeader(Event):
 
     def release(self) -> None:
         """It becomes ordinary traffic."""
+        self.world.light(self._car.actor)
         self._car.hand_over()

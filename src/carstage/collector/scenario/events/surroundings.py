@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import random
 from types import MappingProxyType
-from typing import Any, Dict, Iterable, List, Mapping, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Dict, Iterable, List, Mapping, NamedTuple, Optional, Sequence, Set, Tuple
 
 import carla
 
@@ -126,7 +126,10 @@ class Surroundings:
         self._session = session
         self._spec = spec
         self._port = traffic_manager_port
-        self._all_vehicles = list(population.vehicles)
+        agents = [agent.actor for agent in population.agents if agent.spec.vehicle is not None]
+        self._all_vehicles = [*population.vehicles, *agents]
+        self._lane_keepers: Set[Any] = set()
+        self._held_signals: Dict[int, List[HeldSignals]] = {}
         self._lights: Dict[int, int] = {}
         self._gently = gently
         driven = driven_by_traffic(spec, population)
@@ -356,10 +359,15 @@ class Surroundings:
             state = carla.VehicleLightState(bits)
             self.commands.append(carla.command.SetVehicleLightState(actor.id, state))
 
-    def keep_lane(self, keeps: bool) -> None:
-        """Have the ego stay in its lane, or change lanes again as the traffic is planned to."""
+    def keep_lane(self, event: Any, keeps: bool) -> None:
+        """Have the ego stay in its lane until no event wants it to: then it changes as planned."""
+        if keeps:
+            self._lane_keepers.add(event)
+        else:
+            self._lane_keepers.discard(event)
         manager = self._session.client.get_trafficmanager(self._port)
-        manager.auto_lane_change(self.ego, not keeps and self._spec.traffic.lane_changes)
+        changes = not self._lane_keepers and self._spec.traffic.lane_changes
+        manager.auto_lane_change(self.ego, changes)
 
     @property
     def can_shift_vehicles(self) -> bool:
@@ -417,7 +425,7 @@ class Surroundings:
 
     def hold_signals(self, green: List[Any], group: List[Any]) -> HeldSignals:
         """Have lights of a junction show green, and its others red, until they are released."""
-        signals = HeldSignals(green, group)
+        signals = HeldSignals(green, group, self._held_signals)
         self._session.on_exit("traffic lights", signals.release)
         return signals
 

@@ -177,4 +177,6 @@ def _compares(value: float, rule: str, limit: float, same: float) -> bool:
         return equal == (rule == "equalTo")
     if rule in ("lessOrEqual", "greaterOrEqual") and equal:
         return True
+    if equal and rule in ("lessThan", "greaterThan"):
+        return False
     return value < limit if rule.startswith("less") else value > limit

@@ -14,8 +14,11 @@ from typer.testing import CliRunner
 
 import analytic_dataset
 from analytic_dataset import attempt_of, edit_rows, recommit
+from carstage.annotation.rle import encode_mask
 from carstage.cli.app import app
 from carstage.codecs.png import PngPacker, unpack_png
+from carstage.dataset import Dataset
+from carstage.dataset.masks import decode_mask
 from carstage.dataset.tables import read_table, write_table
 from carstage.errors import DatasetError
 from carstage.files.hashing import hash_of
@@ -296,6 +299,27 @@ def test_mirrored_instance_images_are_found(dataset: Path) -> None:
             path.write_bytes(PngPacker().pack(unpack_png(path.read_bytes())[:, ::-1]))
     recommit(dataset)
     assert {"hull", "mask"} <= failed_checks(dataset)
+
+
+def test_a_mask_that_misses_half_of_its_object_is_found(dataset: Path) -> None:
+    def halve(rows: Rows) -> Rows:
+        row = max(
+            (r for r in rows if r["sensor_id"] == "CAM_FRONT" and r["mask_modal"] is not None),
+            key=lambda r: r["visible_px"],
+        )
+        x0, y0, x1, y1 = (int(value) for value in row["bbox_modal"])
+        camera = Dataset(dataset).episodes[0].sensor("CAM_FRONT").calibration
+        size = camera.height, camera.width
+        crop = decode_mask(row["mask_modal"], *size)[y0:y1, x0 : (x0 + x1) // 2]
+        v, u = np.nonzero(crop)
+        row["mask_modal"] = encode_mask(crop, x0, y0, camera.width, camera.height)
+        row["visible_px"] = len(u)
+        row["bbox_modal"] = [x0 + u.min(), y0 + v.min(), x0 + u.max() + 1, y0 + v.max() + 1]
+        return rows
+
+    edit_rows(dataset, "camera_objects.parquet", halve)
+    messages = [problem.message for problem in validate_dataset(dataset).problems]
+    assert any("the instance picture shows" in message for message in messages)
 
 
 @pytest.mark.parametrize("ambiguous", [False, True])

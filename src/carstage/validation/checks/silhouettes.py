@@ -40,6 +40,8 @@ BODY_REACH_M = np.array([0.5, 0.5, 0.2])
 BOX_MARGIN_M = 0.05
 """By how much a box is larger whose silhouette ``outside_px`` and ``hull_px`` are about."""
 OUTSIDE_TOLERANCE_PX = 2
+LEAST_SHARE, LEAST_PX = 0.8, 20
+"""Of an object's pixels in the instance picture, and less so many, that its row has at least."""
 _EDGE_PX = 0.02
 """So far from its place may an edge of a silhouette be: poses are rounded."""
 _FAR_SHARE, _SHARE_TOLERANCE = 1e-4, 1e-3
@@ -272,6 +274,14 @@ def check_silhouettes(
         figures.pixels += count
         figures.outside += outside
         figures.farthest_px = max(figures.farthest_px, float(beyond.max(initial=0.0)))
+        shown = count - outside
+        if own is not mask and row["visible_px"] < LEAST_SHARE * shown - LEAST_PX:
+            findings.add(
+                "mask",
+                f"{name}: visible_px is {row['visible_px']}, and the instance picture shows "
+                f"{shown} pixels of it where its box is",
+                **where,
+            )
         if outside:
             findings.add(
                 "hull",

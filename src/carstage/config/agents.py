@@ -180,8 +180,17 @@ def check_agents(config: Config) -> None:
             "agents",
         )
     _check_agent_names([agent.name for agent in config.agents])
+    spawns = {config.ego.spawn: "ego"} if isinstance(config.ego.spawn, int) else {}
     for position, agent in enumerate(config.agents):
         if isinstance(agent, VehicleAgent):
+            if isinstance(agent.spawn, int) and agent.spawn in spawns:
+                raise problem(
+                    f"spawn point {agent.spawn} is that of {spawns[agent.spawn]!r}.",
+                    "Give each vehicle its own, or use random.",
+                    "agents", position, "spawn",
+                )  # fmt: skip
+            if isinstance(agent.spawn, int):
+                spawns[agent.spawn] = agent.name
             _check_agent_driver(agent.driver, config.timing, position)
             continue
         if not isinstance(config.server, EmbeddedServerConfig):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 from carstage.config import Config
 from carstage.config.agents import DroneAgent, JunctionAgent, RoadsideAgent, VehicleAgent
@@ -30,6 +30,7 @@ def plan_agents(
     index: int,
     draws: Draws,
     sensors_of: SensorsOf,
+    taken: Collection[int],
 ) -> tuple[AgentSpec, ...]:
     """The agents of an episode, in the order of the configuration.
 
@@ -40,17 +41,21 @@ def plan_agents(
         index: of the episode.
         draws: random numbers of the configuration's seed.
         sensors_of: makes an agent's sensors.
+        taken: spawn points that are the ego's or are named by the configuration.
 
     Raises:
         ConfigError: the map has no such spawn point.
     """
-    made = []
+    made, taken = [], set(taken)
     for position, agent in enumerate(config.agents):
         stream = _STREAMS + _STREAMS_PER_AGENT * position
         vehicle = None
         if isinstance(agent, VehicleAgent):
             field = ("agents", position, "spawn")
-            start = plan_start(agent.spawn, facts, town, draws.unit(index, stream + 2), *field)
+            draw = draws.unit(index, stream + 2)
+            start = plan_start(agent.spawn, facts, town, draw, *field, taken=taken)
+            if start["spawn_index"] is not None:
+                taken.add(start["spawn_index"])
             vehicle = EgoSpec(
                 blueprint=agent.blueprint,
                 color=None if agent.color == "random" else agent.color,

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from carstage.config import Config
+from carstage.config.agents import VehicleAgent
 from carstage.config.dimensions import Variants, dimensions
 from carstage.config.drivers import ReplayDriver
 from carstage.config.fields import unknown
@@ -226,6 +227,11 @@ class _Planner:
             (config.scenario, name, config.duration_s, config.fps),
             lambda: plan_scenario(config, facts.count(name), recording),
         )
+        named = [agent.spawn for agent in config.agents if isinstance(agent, VehicleAgent)]
+        taken = {spawn for spawn in named if isinstance(spawn, int)}
+        start = plan_start(config.ego.spawn, facts, name, spawn_draw, "ego", "spawn", taken=taken)
+        if start["spawn_index"] is not None:
+            taken.add(start["spawn_index"])
         return EpisodeSpec(
             **self.settings(config),
             index=index,
@@ -235,13 +241,13 @@ class _Planner:
             ego=EgoSpec(
                 blueprint=config.ego.blueprint,
                 color=None if config.ego.color == "random" else config.ego.color,
-                **plan_start(config.ego.spawn, facts, name, spawn_draw, "ego", "spawn"),
+                **start,
                 driver=plan_driver(config, config.ego.driver),
                 comfort=plan_comfort(config.ego.driver),
             ),
             scenario=scenario,
             seeds=self.seeds(index),
-            agents=plan_agents(config, facts, name, index, self._draws, self.agent_sensors),
+            agents=plan_agents(config, facts, name, index, self._draws, self.agent_sensors, taken),
             patches=self.patches(config, index),
         )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any, Literal
 
 from carstage.config.fields import path_text
@@ -14,7 +15,12 @@ Spawn = Literal["random", "near_ego"] | int | ConfiguredStand
 
 
 def plan_start(
-    spawn: Spawn, facts: ServerFacts, town: str, draw: float, *field: str | int
+    spawn: Spawn,
+    facts: ServerFacts,
+    town: str,
+    draw: float,
+    *field: str | int,
+    taken: Collection[int] = (),
 ) -> dict[str, Any]:
     """A spawn point, a place of its own, or near the ego: keys of ``EgoSpec``.
 
@@ -24,6 +30,7 @@ def plan_start(
         town: the map's name.
         draw: in [0, 1), for a random spawn point.
         field: path of ``spawn`` in the configuration.
+        taken: spawn points of others: a random one is the next that is free.
 
     Raises:
         ConfigError: the map has no such spawn point.
@@ -35,7 +42,11 @@ def plan_start(
     if spawn == "near_ego":
         return {"spawn_index": None, "spawn_place": None, "near_ego": True}
     if spawn == "random":
-        return {"spawn_index": int(draw * facts.maps[town]), "spawn_place": None}
+        points = facts.maps[town]
+        drawn = int(draw * points)
+        free = ((drawn + step) % points for step in range(points))
+        index = next((point for point in free if point not in taken), drawn)
+        return {"spawn_index": index, "spawn_place": None}
     if count is not None and spawn >= count:
         raise ConfigError(
             f"{path_text(field)}: {town} has no spawn point {spawn}.",

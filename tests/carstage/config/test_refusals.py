@@ -34,6 +34,11 @@ REFUSED = {
         "ego.driver",
         "sync",
     ),
+    "agent at the ego's spawn point": (
+        "ego: {spawn: 3}\nagents: [{name: car2, spawn: 3, rig: {sensors: [{id: A, kind: rgb}]}}]",
+        "agents[0].spawn: ",
+        "'ego'",
+    ),
     "sensor called as a stream": (
         "rig: {sensors: [{id: world, kind: rgb}]}",
         "rig.sensors[0].id: ",

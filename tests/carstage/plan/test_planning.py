@@ -449,3 +449,20 @@ def test_exact_voxels_are_refused_where_the_server_has_no_such_sensor() -> None:
         plan("labels: {occupancy: {exact: true}}", FACTS)
     has = replace(FACTS, blueprints={**FACTS.blueprints, "sensor.other.occupancy": {}})
     assert plan("labels: {occupancy: {exact: true}}", has)
+
+
+@pytest.mark.parametrize(("ego", "first"), [("random", "random"), ("random", "3"), ("3", "random")])
+def test_no_two_vehicles_begin_at_one_spawn_point(ego: str, first: str) -> None:
+    rig = "rig: {sensors: [{id: C, kind: rgb}]}"
+    text = (
+        f"episodes: 60\nego: {{spawn: {ego}}}\nagents:\n"
+        f"- {{name: a, spawn: {first}, {rig}}}\n- {{name: b, spawn: random, {rig}}}\n"
+    )
+    facts = ServerFacts(maps={"Stage01": 8}, blueprints={}, dialect="0.9.16")
+    drawn = []
+    for spec in plan_episodes(parse_config(text), facts):
+        vehicles = [agent.vehicle for agent in spec.agents]
+        starts = [spec.ego.spawn_index, *(one.spawn_index for one in vehicles if one is not None)]
+        assert len(set(starts)) == 3
+        drawn.append(tuple(starts))
+    assert len(set(drawn)) > 20

@@ -274,14 +274,8 @@ def check_silhouettes(
         figures.pixels += count
         figures.outside += outside
         figures.farthest_px = max(figures.farthest_px, float(beyond.max(initial=0.0)))
-        shown = count - outside
-        if own is not mask and row["visible_px"] < LEAST_SHARE * shown - LEAST_PX:
-            findings.add(
-                "mask",
-                f"{name}: visible_px is {row['visible_px']}, and the instance picture shows "
-                f"{shown} pixels of it where its box is",
-                **where,
-            )
+        if own is not mask:
+            _check_share(name, row, count - outside, findings, where)
         if outside:
             findings.add(
                 "hull",
@@ -367,6 +361,19 @@ def _any_of(tags: NDArray[np.uint16], box: LabelledBox) -> NDArray[np.bool_]:
     for tag in box.tags:
         found |= tags == tag
     return found
+
+
+def _check_share(
+    name: str, row: Mapping[str, Any], shown: int, findings: Findings, where: dict[str, Any]
+) -> None:
+    """Whether an object's row has most of its pixels that are where its box is."""
+    if row["visible_px"] < LEAST_SHARE * shown - LEAST_PX:
+        findings.add(
+            "mask",
+            f"{name}: visible_px is {row['visible_px']}, and the instance picture shows "
+            f"{shown} pixels of it where its box is",
+            **where,
+        )
 
 
 def _check_amodal(

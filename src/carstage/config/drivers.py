@@ -260,3 +260,16 @@ def check_driver(driver: Section, scenario: Section, timing: Timing, cameras: li
             )
         if driver.camera is not None and driver.camera not in cameras:
             raise problem(*unknown("rgb camera", driver.camera, cameras), *_PLACE, "camera")
+
+
+def idle_comfort(driver: Section, scenario: Section, timing: Timing) -> list[str]:
+    """What to say where ``comfort`` is asked for and nobody can drive so."""
+    if not isinstance(driver, AutopilotDriver) or not driver.comfort:
+        return []
+    kind = getattr(scenario, "kind", "")
+    if kind not in DRIVEN_SCENARIOS:
+        return [f"ego.driver.comfort: in scenario {kind} nobody drives the ego; it does nothing."]
+    if timing.mode != "sync":
+        return ["ego.driver.comfort: only a world that waits for each step (timing.mode: sync) "
+                "lets the ego be led; it does nothing."]  # fmt: skip
+    return []

@@ -17,7 +17,7 @@ from carstage.config.attributes import (
 )
 from carstage.config.campaign import Campaign, Condition
 from carstage.config.conversion import Conversion
-from carstage.config.drivers import Driver, check_driver
+from carstage.config.drivers import Driver, check_driver, idle_comfort
 from carstage.config.fields import Section, path_text, problem, setting, unknown
 from carstage.config.labels import GroundTruth, Labels
 from carstage.config.occupancy import Occupancy
@@ -448,7 +448,7 @@ class Config(Section):
 
     def warnings(self) -> list[str]:
         """What may be meant and still surprises; each begins with the field's path."""
-        found = []
+        found = idle_comfort(self.ego.driver, self.scenario, self.timing)
         for path, sensor in self.located_sensors():
             attributes = sensor.attributes
             if isinstance(attributes, SweepAttributes):

@@ -159,3 +159,17 @@ def test_comfort_of_an_agent_is_its_own() -> None:
     assert spec.agents[0].ego.comfort == ComfortSpec()
     assert spec.ego.comfort is None
     assert EpisodeSpec.from_json(json.loads(spec.canonical_json())) == spec
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", []),
+        ("timing: {mode: async}", ["ego.driver.comfort: only a world that waits"]),
+        ("scenario: {kind: stationary}", ["ego.driver.comfort: in scenario stationary nobody"]),
+    ],
+)
+def test_comfort_that_does_nothing_is_told(text: str, said: list[str]) -> None:
+    driver = "ego: {driver: {kind: autopilot, comfort: true}}\n"
+    found = parse_config(driver + text).warnings()
+    assert [sentence[: len(begin)] for sentence, begin in zip(found, said, strict=True)] == said

@@ -108,6 +108,25 @@ def test_who_is_gone_when_works_end_is_told_nothing_more() -> None:
     assert told[-1] == 0.0
 
 
+def test_who_is_past_one_works_is_left_to_the_next() -> None:
+    ego = Ego(6.0)
+    world: Any = World(ego)
+    world.is_gone = lambda vehicle: False
+    over_m: list[float] = []
+    world.shift = lambda vehicle, right_m: over_m.append(right_m)
+    first = WorksTraffic(world, stretch(), Works(20.0, 30.0, -0.5, 6.0))
+    second = WorksTraffic(world, stretch(), Works(60.0, 100.0, -1.0, 6.0))
+    while ego.x_m < 80.0:
+        first.step()
+        second.step()
+        ego.x_m += ego.speed_m_s * STEP_S
+    assert (over_m[-1], world.asked_m_s) == (-1.0, 6.0)
+    first.release()
+    assert (over_m[-1], world.asked_m_s) == (-1.0, 6.0)
+    second.release()
+    assert (over_m[-1], world.asked_m_s) == (0.0, None)
+
+
 def test_who_drives_with_comfort_is_told_early_where_to_be_slow_and_where_to_stand() -> None:
     ego = Ego(10.0)
     world: Any = World(ego)

@@ -93,10 +93,13 @@ class WorksTraffic:
         return past and abs(self._over_m.get(self._world.ego.id, 0.0)) < BACK_M
 
     def release(self) -> None:
-        """Everybody drives as before."""
+        """Everybody drives as before; who does so already may heed other works by now."""
         for vehicle in self._vehicles.values():
-            if not self._world.is_gone(vehicle):
+            if self._world.is_gone(vehicle):
+                continue
+            if self._over_m.get(vehicle.id, 0.0) != 0.0:
                 self._world.shift(vehicle, 0.0)
+            if vehicle.id in self._limits:
                 self._world.limit_speed(vehicle, None)
 
     def _steer(self, one: Seen, goes: Any) -> None:

@@ -140,7 +140,8 @@ def _label(folder: Path, _changed_ns: int) -> str | None:
 def read_plan(path: Path, _changed_ns: int) -> RunPlan | None:
     """What ``plan.json`` fixes; kept by the file's time."""
     document = read_document(path)
-    if document is None:
+    config = None if document is None else document.get("config", {})
+    if document is None or not isinstance(config, dict):
         return None
     entries = document.get("episodes", ())
     try:
@@ -152,10 +153,10 @@ def read_plan(path: Path, _changed_ns: int) -> RunPlan | None:
             ticks = sum(spec.steps for spec in specs)
             frames = sum(spec.saved_frames for spec in specs)
         count = len(entries)
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, AttributeError):
         return None  # of another program: shown as a run without a plan
     return RunPlan(
-        config=document.get("config", {}),
+        config=config,
         episodes=count,
         ticks=ticks,
         frames=frames,

@@ -255,6 +255,19 @@ def test_a_run_of_somebody_else_goes_on_too(
     assert recorders.options[second] == RunOptions()
 
 
+@pytest.mark.parametrize("damage", ['{"config": []}', "[" * 100_000, '{"episodes": 7}', "{"])
+def test_a_damaged_plan_of_a_stranger_stops_no_other_run(
+    client: TestClient, tmp_path: Path, demo: dict[str, Any], damage: str
+) -> None:
+    foreign = FakeRun(tmp_path / "drives", "20260101-000000-abcdef", demo)
+    own = FakeRun(tmp_path / "drives", "20260102-000000-abcdef", demo)
+    (foreign.folder / "plan.json").write_text(damage)
+    for run in (foreign, own):
+        run.end()
+        run.say(state="failed", message="it broke")
+    await_that(lambda: {foreign.folder.name, own.folder.name} <= runs(client).keys())
+
+
 def test_a_share_of_a_campaign_is_gone_on_with_at_the_command_line(
     client: TestClient, tmp_path: Path, demo: dict[str, Any]
 ) -> None:

@@ -144,18 +144,22 @@ class Launches:
                 options=waiting.options,
                 folder=self._root,
             )
-            self._keep(replace(waiting, process=identify_child(child.pid)))
+            begun = replace(waiting, process=identify_child(child.pid))
+            # Whether it can be written or not, as on a full disk: it is begun only once.
+            self._launches[run_id] = begun
             # Waited for, or it would stay as a zombie; its status file holds how it ended.
             threading.Thread(
                 target=self._await, args=(run_id, child), name=f"run {run_id}", daemon=True
             ).start()
+            self._keep(begun)
 
     def _await(self, run_id: str, child: subprocess.Popen[bytes]) -> None:
         child.wait()
         with self._lock:
             launch = self._launches.get(run_id)
             if launch is not None:
-                self._keep(replace(launch, ended=time.time()))
+                self._launches[run_id] = replace(launch, ended=time.time())
+                self._keep(self._launches[run_id])
 
     def stop_asked(self, run_id: str) -> None:
         """Remember that a run was asked to stop; a queued one is withdrawn."""

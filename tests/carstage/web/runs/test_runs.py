@@ -1,5 +1,6 @@
 """Runs over the wire: queue, start, adopt, stop; a fake process stands in for the recorder."""
 
+import errno
 import json
 import subprocess
 import sys
@@ -16,7 +17,8 @@ from carstage.runs.folder import new_run_id
 from carstage.runs.server_lock import server_key
 from carstage.storage import CommitMarker
 from carstage.web.messages import RunSummary
-from carstage.web.runs.launches import Launches
+from carstage.web.runs import launches
+from carstage.web.runs.launches import Launch, Launches
 from sites import FakeRun, Site, open_site
 from waiting import await_that
 
@@ -276,3 +278,30 @@ def test_servers_are_told_apart_by_address() -> None:
 def test_run_ids_are_names_of_folders() -> None:
     assert new_run_id() != new_run_id()
     assert new_run_id().replace("-", "").isalnum()
+
+
+def test_a_run_is_begun_once_even_if_that_cannot_be_written_down(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun: list[subprocess.Popen[bytes]] = []
+
+    def start(*_: object, **__: object) -> subprocess.Popen[bytes]:
+        begun.append(subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE))
+        return begun[-1]
+
+    queue = Launches(tmp_path / "launches", tmp_path, start)
+    queue.queue(Launch("r", str(tmp_path / "out"), "r", "", 1.0, 0), {})
+    whole = launches.write_whole
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(launches, "write_whole", full)
+    with pytest.raises(OSError, match="space"):
+        queue.begin("r")
+    monkeypatch.setattr(launches, "write_whole", whole)
+    (launch,) = queue.all()
+    assert not launch.queued
+    begun[0].communicate(b"\n")
+    await_that(lambda: queue.all()[0].ended is not None)
+    assert len(begun) == 1

@@ -174,8 +174,7 @@ class WalkerMotion:
         stands = (self._fall[own] == 0.0) & (feet[:, 2] - ground < _STEP_M)
         speed = np.where(falls & jumps & stands, -_JUMP_SPEED, self._fall[own])
         drop = speed * delta_s + 0.5 * GRAVITY * delta_s**2
-        stepping = (speed == 0.0) & (feet[:, 2] - ground < _STEP_M)
-        lands = falls & ~np.isnan(ground) & (stepping | (feet[:, 2] - drop <= ground))
+        lands = falls & ~np.isnan(ground) & ((stands & ~jumps) | (feet[:, 2] - drop <= ground))
         sinks = falls & ~lands
         self._fall[own] = np.where(
             sinks, np.minimum(speed + GRAVITY * delta_s, TERMINAL_SPEED), 0.0

@@ -17,29 +17,49 @@ _JUNCTION = 7
 _HEADINGS_DEG = (0.0, 90.0, 180.0, 270.0)
 
 
+Parts = dict[str, list[np.ndarray]]
+
+
+def _no_parts() -> Parts:
+    return {name: [] for name in LaneSamples.__slots__}
+
+
+def _add_lane(
+    parts: Parts, road: int, junction: int, places: np.ndarray, yaw_deg: float | np.ndarray
+) -> None:
+    """One lane through places (N, 3), a metre apart; within a junction where it is not -1."""
+    count = len(places)
+    rotation_deg = np.zeros((count, 3))
+    rotation_deg[:, 1] = yaw_deg
+    parts["location"].append(places)
+    parts["rotation_deg"].append(rotation_deg)
+    parts["width_m"].append(np.full(count, 3.5, np.float32))
+    parts["speed_limit_kmh"].append(np.full(count, 30.0, np.float32))
+    parts["posted_kmh"].append(np.zeros(count, np.float32))
+    parts["road_id"].append(np.full(count, road + (10 if junction >= 0 else 0), np.int32))
+    parts["section_id"].append(np.zeros(count, np.int32))
+    parts["lane_id"].append(np.full(count, -1, np.int32))
+    parts["s_m"].append(np.arange(count, dtype=np.float64))
+    parts["junction_id"].append(np.full(count, junction, np.int32))
+
+
+def _joined(parts: Parts) -> LaneSamples:
+    return LaneSamples(**{name: np.concatenate(columns) for name, columns in parts.items()})
+
+
 def crossing(arms: int, shortest_m: int = _LANE_M) -> LaneSamples:
     """Lanes of 60 m towards the origin, and ways of 10 m that go straight on from each.
 
     The first lane may be shorter.
     """
-    parts: dict[str, list[np.ndarray]] = {name: [] for name in LaneSamples.__slots__}
+    parts = _no_parts()
     for road, heading_deg in enumerate(_HEADINGS_DEG[:arms]):
         along = np.array([np.cos(np.radians(heading_deg)), np.sin(np.radians(heading_deg)), 0.0])
         length_m = _LANE_M if road else shortest_m
         for junction, first_m, last_m in ((-1, -length_m - 5, -5), (_JUNCTION, -5, 5)):
             s_m = np.arange(last_m - first_m + 1, dtype=np.float64)
-            count = len(s_m)
-            parts["location"].append((first_m + s_m)[:, None] * along)
-            parts["rotation_deg"].append(np.tile([0.0, heading_deg, 0.0], (count, 1)))
-            parts["width_m"].append(np.full(count, 3.5, np.float32))
-            parts["speed_limit_kmh"].append(np.full(count, 30.0, np.float32))
-            parts["posted_kmh"].append(np.zeros(count, np.float32))
-            parts["road_id"].append(np.full(count, road + (10 if junction >= 0 else 0), np.int32))
-            parts["section_id"].append(np.zeros(count, np.int32))
-            parts["lane_id"].append(np.full(count, -1, np.int32))
-            parts["s_m"].append(s_m)
-            parts["junction_id"].append(np.full(count, junction, np.int32))
-    return LaneSamples(**{name: np.concatenate(columns) for name, columns in parts.items()})
+            _add_lane(parts, road, junction, (first_m + s_m)[:, None] * along, heading_deg)
+    return _joined(parts)
 
 
 def passing(apart_m: float) -> LaneSamples:
@@ -49,26 +69,17 @@ def passing(apart_m: float) -> LaneSamples:
     apart, and away again; the third crosses.
     """
     ends = [[(-15, 0), (15, 0)], [(0, -15), (0, 15)], [(15, apart_m + 6), (0, apart_m), (-15, 9)]]
-    parts: dict[str, list[np.ndarray]] = {name: [] for name in LaneSamples.__slots__}
+    parts = _no_parts()
     for road, (heading_deg, corners) in enumerate(zip(_HEADINGS_DEG, ends, strict=False)):
         along = np.array([np.cos(np.radians(heading_deg)), np.sin(np.radians(heading_deg))])
         lane = np.array(corners[0]) + np.arange(-_LANE_M, 1)[:, None] * along
         way = np.array(shapely.LineString(corners).segmentize(1.0).coords)
         for junction, places in ((-1, lane), (_JUNCTION, way)):
             steps = np.diff(places, axis=0, append=2 * places[-1:] - places[-2:-1])
-            count = len(places)
-            parts["location"].append(np.column_stack([places, np.zeros(count)]))
             yaw_deg = np.degrees(np.arctan2(steps[:, 1], steps[:, 0]))
-            parts["rotation_deg"].append(np.column_stack([0 * yaw_deg, yaw_deg, 0 * yaw_deg]))
-            parts["width_m"].append(np.full(count, 3.5, np.float32))
-            parts["speed_limit_kmh"].append(np.full(count, 30.0, np.float32))
-            parts["posted_kmh"].append(np.zeros(count, np.float32))
-            parts["road_id"].append(np.full(count, road + (10 if junction >= 0 else 0), np.int32))
-            parts["section_id"].append(np.zeros(count, np.int32))
-            parts["lane_id"].append(np.full(count, -1, np.int32))
-            parts["s_m"].append(np.arange(count, dtype=np.float64))
-            parts["junction_id"].append(np.full(count, junction, np.int32))
-    return LaneSamples(**{name: np.concatenate(columns) for name, columns in parts.items()})
+            at = np.column_stack([places, np.zeros(len(places))])
+            _add_lane(parts, road, junction, at, yaw_deg)
+    return _joined(parts)
 
 
 class Scene:

@@ -10,6 +10,7 @@ import pytest
 
 from benchmarks.framework.spoiling_proxy import Spoil, SpoilingProxy, Spoilt
 from carstage.runs.interruption import END_S
+from carstage.runs.pending import pending_recordings
 from carstage.storage import open_store
 from carstage.storage.remote_files import remote_files
 from driving import (
@@ -174,14 +175,61 @@ def test_a_store_that_fills_ends_the_run_and_keeps_what_is_there(
     kept = [key for key in keys if key.startswith("commits/")]
     assert f"commits/{first}.json" in kept
     assert len(kept) < 3
-    episodes = {key.split("/")[1] for key in keys if key.startswith("episodes/")}
-    assert episodes == {key[len("commits/") : -len(".json")] for key in kept}
+    committed = {key[len("commits/") : -len(".json")] for key in kept}
+    assert episodes_in(keys) == committed | waiting_in(tmp_path)
     proxy.spoil = lambda method, path: None
     again = carstage([*given, "--json"], home)
     assert again.code == 0, again.stderr
     counts = json.loads(again.stdout.splitlines()[-1])["episodes"]
     assert counts["skipped"] == len(kept)
     assert counts["committed"] == 3 - len(kept)
+
+
+def test_what_another_worker_has_recorded_when_the_store_fills_is_not_recorded_again(
+    proxy: SpoilingProxy,
+    server: ObjectServer,
+    look: Callable[[str], list[str]],
+    small: str,
+    home: Path,
+    tmp_path: Path,
+) -> None:
+    """One episode meets a full store; half of the other is there, and its answer is late."""
+    late: list[str] = []
+
+    def spoil(method: str, path: str) -> Spoilt | None:
+        if method != "PUT" or "/sensors/" not in path:
+            return None
+        episode_id = path.partition("/episodes/")[2].partition("/")[0]
+        if not late:
+            late.append(episode_id)
+        elif episode_id != late[0]:
+            return FULL["a full MinIO"]
+        return Spoilt("held") if path.endswith("000003.png") else None
+
+    proxy.spoil = spoil
+    address = f"{server.address}/fills-beside"
+    given = ["run", small, "--out", address, "--work", str(tmp_path), "--set", "episodes=2"]
+    given += ["--set", "duration_s=0.5", "--workers", "2"]
+    ended = carstage(given, home)
+    assert ended.code == 1, ended.stderr
+    assert "the store is full" in ended.stderr
+    assert "1 recorded episode not yet converted" in ended.stderr
+    assert waiting_in(tmp_path) == episodes_in(look(address)) == set(late)
+    proxy.spoil = lambda method, path: None
+    again = carstage([*given, "--json"], home)
+    assert again.code == 0, again.stderr
+    assert f"Episode {late[0]} is recorded already" in again.stderr
+    assert json.loads(again.stdout.splitlines()[-1])["episodes"]["committed"] == 2
+    assert waiting_in(tmp_path) == set()
+
+
+def episodes_in(keys: list[str]) -> set[str]:
+    return {key.split("/")[1] for key in keys if key.startswith("episodes/")}
+
+
+def waiting_in(work: Path) -> set[str]:
+    """Episodes that are recorded and not yet converted: what of them is there stays."""
+    return {one.episode_id for one in pending_recordings(work)}
 
 
 def is_commit(method: str, path: str) -> bool:

@@ -120,6 +120,20 @@ def change_one_head(drive: Path) -> None:
     edit_all("objects", change)(drive)
 
 
+def hide_a_vertex(row: Row) -> None:
+    """One more than is hidden; all that follows from it is right."""
+    row["n_visible"] -= 1
+    row["n_occluded"] += 1
+    seen = row["n_visible"]
+    row["occluded"] = 0 if seen >= 6 else 1 if seen >= 4 else 2
+    row["truncation_paper"] = (8 - seen) / 8
+    row["visible_stage_vo"] = seen > 0
+
+
+def wholly_hidden(row: Row) -> bool:
+    return row["visible_px"] == 0 and row["front_px"] > 20
+
+
 def turn_a_sensor(drive: Path) -> None:
     def change(row: Row) -> None:
         if row["sensor_id"] == "CAM_LEFT":
@@ -618,6 +632,17 @@ MUTATIONS: dict[str, tuple[Damage, str, tuple[str, ...]]] = {
         edit_one("sensor_poses", put("carrier_track_id", lambda v: v + 1), anything),
         "sensor_poses",
         ("sits on",),
+    ),
+    # What hides an object
+    "one vertex hidden": (
+        edit_one("camera_objects", hide_a_vertex, lambda r: r["n_visible"] == 8),
+        "occluders",
+        ("n_visible", "CAM_FRONT"),
+    ),
+    "half of what is before it": (
+        edit_one("camera_objects", put("front_px", lambda v: v // 2), wholly_hidden),
+        "occluders",
+        ("front_px", "CAM_FRONT"),
     ),
     # Pictures and sweeps
     "red and blue swapped": (

@@ -60,6 +60,7 @@ GROUPS: Final[dict[str, dict[str, str]]] = {
         "bbox_amodal": "amodal 2D boxes are the projection of the 3D box, clipped and whole",
         "level_boxes": "the boxes of parked vehicles, lights and signs show them",
         "mask": "masks have the pixels, bounds and ids that they should have",
+        "occluders": "what hides an object is what the depth image beside its camera says",
         "birds_eye": "bird's-eye grids are what map, boxes, depth images and points make them",
         "occupancy": "voxels agree with boxes, and explain depth images and points",
         "lane_lines": "lines in pictures are what vector map, poses and depth images make them",

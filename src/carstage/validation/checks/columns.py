@@ -261,7 +261,8 @@ def _check_occlusion(episode: Episode, table: pa.Table, findings: Findings) -> N
     same = Recomputed("camera_columns", "camera_objects.parquet", boxed, findings)
     seen = numbers(boxed, "n_visible")
     inside = seen + numbers(boxed, "n_occluded")
-    level = np.select([inside == 0, seen >= 6, seen >= 4], [3, 0, 1], 2)
+    unknown = 2 if episode.spec.labels.stage_vo_strict else 3
+    level = np.select([inside == 0, seen >= 6, seen >= 4], [unknown, 0, 1], 2)
     same.column("occluded", level, 0.0)
     same.column("truncation_paper", (8.0 - seen) / 8.0, _SMALL)
     same.column("visible_stage_vo", seen > 0, 0.0)

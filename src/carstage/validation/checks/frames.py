@@ -45,6 +45,7 @@ from carstage.validation.checks.labels import (
     labelled_boxes,
 )
 from carstage.validation.checks.lane_lines import LaneLineChecks
+from carstage.validation.checks.occluders import OccluderChecks
 from carstage.validation.checks.occupancy import OccupancyChecks
 from carstage.validation.checks.patches import PatchChecks
 from carstage.validation.checks.pictures import check_exposure, check_repeats
@@ -100,6 +101,7 @@ class FrameChecks:
         self._rows = camera_rows(tables.camera_objects)
         self._birds_eye = BirdsEyeChecks(episode, tables, self._files, findings)
         self._occupancy = OccupancyChecks(episode, tables, self._files, findings)
+        self._occluders = OccluderChecks(episode, findings)
         self._lane_lines = LaneLineChecks(episode, findings)
         self._patches = PatchChecks(episode, findings)
         self._disparity = DisparityChecks(episode, self._files, findings)
@@ -153,6 +155,7 @@ class FrameChecks:
         recorded = frozenset(one.sensor.id for one in decoded)
         self._birds_eye.check(k, recorded, data)
         self._occupancy.check(k, recorded, data)
+        self._occluders.check(k, self._rows, self._boxes.get(k, []), data)
         self._lane_lines.check(k, data)
         self._patches.check(k, data)
         self._disparity.check(k, data)

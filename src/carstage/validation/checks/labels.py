@@ -74,7 +74,7 @@ _BOX_COLUMNS = (
 _CAMERA_COLUMNS = (
     "k", "sensor_id", "track_id", "bbox_amodal", "bbox_modal", "mask_modal", "visible_px",
     "pinhole", "instance_ambiguous", "front_px", "hull_px", "bbox_amodal_unclipped", "truncated",
-    "crosses_near",
+    "crosses_near", "n_visible", "n_occluded", "n_outside", "n_behind",
 )  # fmt: skip
 _EGO_COLUMNS = ("k", "location", "rotation_deg")
 _COLUMNS: dict[str, tuple[str, ...]] = {

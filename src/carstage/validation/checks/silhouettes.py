@@ -75,6 +75,26 @@ class SilhouetteFigures:
         }
 
 
+def optical_corners(
+    camera: SensorCalibration,
+    boxes: Sequence[LabelledBox],
+    *,
+    grown_m: float | NDArray[np.float64] = 0.0,
+) -> NDArray[np.float64]:
+    """Corners ``(N, 8, 3)`` of one or more boxes in a camera's optical frame (m).
+
+    Args:
+        camera: who looks.
+        boxes: the boxes.
+        grown_m: by how much they are larger, at each side.
+    """
+    poses = np.stack([box.ego_from_box for box in boxes])
+    extents = np.stack([box.extent for box in boxes])
+    in_ego = box_corners(poses, extents + grown_m)
+    in_camera = transform_points(invert_pose(camera.ego_from_sensor), in_ego.reshape(-1, 3))
+    return np.asarray((in_camera @ OPTICAL_FROM_SENSOR.T).reshape(in_ego.shape))
+
+
 def projected_hulls(
     camera: SensorCalibration,
     boxes: Sequence[LabelledBox],
@@ -92,11 +112,7 @@ def projected_hulls(
     """
     if not boxes:
         return []
-    poses = np.stack([box.ego_from_box for box in boxes])
-    extents = np.stack([box.extent for box in boxes])
-    in_ego = box_corners(poses, extents + grown_m)
-    in_camera = transform_points(invert_pose(camera.ego_from_sensor), in_ego.reshape(-1, 3))
-    optical = (in_camera @ OPTICAL_FROM_SENSOR.T).reshape(in_ego.shape)
+    optical = optical_corners(camera, boxes, grown_m=grown_m)
     bent = camera.bent
     if bent is not None:
         outlines = [lens_outline(corners, bent) for corners in optical]

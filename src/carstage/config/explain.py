@@ -11,6 +11,7 @@ from pydantic_core import ErrorDetails
 from carstage.config.drivers import DRIVER_KINDS
 from carstage.config.drones import DRONE_PATH_KINDS
 from carstage.config.fields import path_text, shortened, unknown
+from carstage.config.lenses import LENS_MODELS
 from carstage.config.scene import SCENARIO_KINDS
 from carstage.config.sensors import SENSOR_KINDS
 from carstage.errors import ConfigError
@@ -27,6 +28,7 @@ _TAGS = {
     "sensors": tuple(SENSOR_KINDS),
     "agents": AGENT_KINDS,
     "path": DRONE_PATH_KINDS,
+    "lens": LENS_MODELS,
 }
 #: Names that pydantic gives to the alternatives of a union such as `auto` or a number.
 _ALTERNATIVE = ("literal[", "constrained-", "int", "float", "tuple[", "function-", "str")
@@ -132,7 +134,7 @@ def _explain(details: ErrorDetails, data: Any) -> tuple[tuple[str | int, ...], s
     if kind == "carstage":
         return (*path, *context["path"]), context["sentence"], context["hint"]
     if kind in ("union_tag_invalid", "union_tag_not_found"):
-        key = "kind"
+        key = str(context["discriminator"]).strip("'")
         if kind == "union_tag_not_found":
             known = ", ".join(_tags_at(path))
             return (*path, key), "this is missing.", f"Give one of {known}."

@@ -157,3 +157,5 @@ AnyLens = Annotated[
     PinholeLens | BrownConradyLens | KannalaBrandtLens | EquirectangularLens,
     Discriminator("model"),
 ]
+LENS_MODELS = ("pinhole", "brown_conrady", "kannala_brandt", "equirectangular")
+"""Names of the models."""

@@ -9,7 +9,12 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import create_model, model_validator
+from pydantic import (
+    SerializerFunctionWrapHandler,
+    create_model,
+    model_serializer,
+    model_validator,
+)
 
 from carstage.config.attributes import (
     FlashAttributes,
@@ -264,10 +269,11 @@ class CameraSensor(Sensor):
     def _check_lens(self) -> CameraSensor:
         if self.lens is None:
             return self
+        # A default is none's wish: configurations that runs have kept hold it.
         given = {
             name
-            for name in self.attributes.model_fields_set
-            if getattr(self.attributes, name) is not None
+            for name, field in type(self.attributes).model_fields.items()
+            if getattr(self.attributes, name) not in (None, field.default)
         }
         for name in sorted(given):
             if name == "fov_deg" or name.startswith("lens_"):
@@ -294,6 +300,14 @@ class CameraSensor(Sensor):
             self._check_cube()
             self._check_seams()
         return self
+
+    @model_serializer(mode="wrap")
+    def _without_field_of_view(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """As it would be written: beside a lens, no field of view."""
+        dumped: dict[str, Any] = handler(self)
+        if self.lens is not None:
+            dumped["attributes"].pop("fov_deg", None)
+        return dumped
 
     @property
     def needs_cube(self) -> bool:

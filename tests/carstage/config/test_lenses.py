@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from carstage.config import Config
-from carstage.config.loading import check_config
+from carstage.config.loading import check_config, dump_config
 from carstage.errors import ConfigError
 from carstage.plan.rig import plan_sensors
 from carstage.spec import Fields, SensorSpec
@@ -72,7 +72,7 @@ def test_a_sensor_without_a_lens_is_planned_as_ever() -> None:
 @pytest.mark.parametrize(
     ("sensor", "path", "message"),
     [
-        (camera(attributes={"fov_deg": 90.0}), "attributes.fov_deg", "says what its picture shows"),
+        (camera(attributes={"fov_deg": 91.0}), "attributes.fov_deg", "says what its picture shows"),
         (camera(attributes={"lens_k": 0.1}), "attributes.lens_k", "says what its picture shows"),
         (
             camera(attributes={"rolling_shutter_s": 0.02}),
@@ -85,7 +85,13 @@ def test_a_sensor_without_a_lens_is_planned_as_ever() -> None:
         (camera(id="A_CAMERA_OF_21_LETTRS"), "id", "faces"),
         (camera(kind="normals"), "lens", "not re-projected"),
         (camera(lens={**PINHOLE, "fx": 40.0}), "lens", "than one pinhole picture can hold"),
-        (camera(lens={"model": "fisheye"}), "lens", "fisheye"),
+        (
+            camera(lens={"model": "fisheye"}),
+            "sensors[0].lens.model",
+            "unknown model 'fisheye'. Known: brown_conrady, ",
+        ),
+        (camera(lens={"fx": 300.0}), "sensors[0].lens.model", "missing. Give one of pinhole, "),
+        (camera(lens={"model": "pinhole"}), "sensors[0].lens.fx", "missing"),
     ],
 )
 def test_what_cannot_be_is_refused_with_its_path(
@@ -99,3 +105,23 @@ def test_what_cannot_be_is_refused_with_its_path(
 def test_a_face_of_a_cube_keeps_its_name() -> None:
     with pytest.raises(ValueError, match="face of the cube"):
         config(camera(), {"id": "CAM.l", "kind": "rgb"})
+
+
+@pytest.mark.parametrize(
+    "lens",
+    [
+        FISHEYE,
+        PINHOLE,
+        {"model": "brown_conrady", "fx": 350.0, "fy": 360.0, "k1": -0.1},
+        {"model": "equirectangular"},
+    ],
+    ids=lambda lens: str(lens["model"]),
+)
+def test_a_written_configuration_is_read_again(lens: dict[str, Any]) -> None:
+    asked = check_config({"rig": {"sensors": [camera(lens=lens)]}})
+    written = dump_config(asked)
+    assert "fov_deg" not in written["rig"]["sensors"][0]["attributes"]
+    assert check_config(written) == asked
+    # As versions before wrote it.
+    written["rig"]["sensors"][0]["attributes"]["fov_deg"] = 90.0
+    assert check_config(written) == asked

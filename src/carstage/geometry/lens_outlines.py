@@ -1,8 +1,8 @@
 """Outlines of boxes in pictures of a lens, where straight edges are curves.
 
-Seen along the ray to its centre a box is a convex polygon of a pinhole. Its sides are divided, and
-their points go through the lens. What lies beyond the lens's largest angle is replaced by the arc
-of its image circle that lies inside the box's outline.
+Seen along the ray to its centre, or where that cuts it to its nearest point, a box is a convex
+polygon of a pinhole. Its sides are divided, and their points go through the lens. What lies beyond
+the lens's largest angle is replaced by the arc of its image circle that lies inside the outline.
 """
 
 from __future__ import annotations
@@ -29,8 +29,11 @@ from carstage.geometry.polygons import (
 
 _STEPS: Final = 24
 """Parts of a side; of one that spans 90 degrees of a fisheye's 300 px, each is off by 0.16 px."""
+_LONG_STEPS: Final = 120
+"""Parts of each, where one spans more."""
 _ARC_STEP_RAD: Final = math.radians(3.0)
 _BACK_STEPS: Final = 8
+_SAMPLES: Final = 48
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +45,8 @@ class LensOutline:
             picture; of a picture that wraps, without a jump at its edge.
         inside: its parts inside the picture.
         truncated: share of the box's outline that is outside the picture, measured in the plane
-            across the ray to the box's centre.
+            across the ray to the box's centre; where the box reaches behind that, to its nearest
+            point.
         cut: a part is nearer than the near plane or beyond the lens's largest angle.
     """
 
@@ -65,6 +69,9 @@ def lens_outline(corners_optical: FloatArray, lens: Lens) -> LensOutline | None:
         lens: the camera model.
     """
     axes = _axes_towards(corners_optical.mean(axis=0))
+    if (rotate(axes, corners_optical)[:, 2] < Z_NEAR_M).any():
+        # No part of a box lies nearer, along that ray, than its nearest point.
+        axes = _axes_towards(_nearest_point(corners_optical))
     front = clip_to_near_plane(rotate(axes, corners_optical), Z_NEAR_M)
     if len(front) < 3:
         return None
@@ -79,14 +86,55 @@ def lens_outline(corners_optical: FloatArray, lens: Lens) -> LensOutline | None:
         rays = _circle(lens, 0.0, 2.0 * math.pi)
     elif not seen.all():
         rays = _with_arcs(rays, seen, lens, hull, axes)
+    cut = not seen.all() or bool((rotate(axes, corners_optical)[:, 2] < Z_NEAR_M).any())
+    if not lens.wraps and seen.all() and _contains(hull, axes, np.array([0.0, 0.0, -1.0])):
+        return _around_picture(hull, axes, lens, cut=cut)
     polygon = _in_picture(rays, lens)
     inside = _inside(polygon, lens)
     if not inside:
         return None
     area = sum(polygon_area(_towards_box(part, lens, axes)) for part in inside)
-    cut = not seen.all() or bool((rotate(axes, corners_optical)[:, 2] < Z_NEAR_M).any())
     truncated = min(1.0, max(0.0, 1.0 - area / polygon_area(hull)))
     return LensOutline(polygon, inside, truncated if truncated > 1e-3 else 0.0, cut)
+
+
+def _around_picture(
+    hull: Sequence[Point], axes: FloatArray, lens: Lens, *, cut: bool
+) -> LensOutline | None:
+    """Outline of a box that the backward axis meets, of a lens that sees all directions.
+
+    Its outline goes around what is not the box. All of the picture stands for what little there is
+    of such a box at the picture's edges.
+    """
+    x0, y0, x1, y1 = bounds(hull)
+    share = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
+    x, y = (one.ravel() for one in np.meshgrid(x0 + (x1 - x0) * share, y0 + (y1 - y0) * share))
+    within = np.ones(len(x), np.bool_)
+    for (ax, ay), (bx, by) in zip(hull, [*hull[1:], hull[0]], strict=True):
+        within &= (bx - ax) * (y - ay) - (by - ay) * (x - ax) >= 0.0
+    rays = np.column_stack([x, y, np.ones(len(x))])[within]
+    uv = lens.project(rotate(axes.T, rays))
+    shown = ((uv >= 0.0) & (uv < [lens.width, lens.height])).all(axis=1)
+    if not shown.any():
+        return None
+    w, h = float(lens.width), float(lens.height)
+    picture = [(0.0, 0.0), (w, 0.0), (w, h), (0.0, h)]
+    return LensOutline(picture, [picture], float(1.0 - shown.mean()), cut)
+
+
+def _nearest_point(corners: FloatArray) -> FloatArray:
+    """The point of a box ``(8, 3)`` that is nearest to the camera, or its centre, if that is in it.
+
+    The corners 0, 1, 2 and 4 span its edges.
+    """
+    center: FloatArray = corners.mean(axis=0)
+    nearest: FloatArray = center.copy()
+    for corner in (1, 2, 4):
+        half = 0.5 * (corners[corner] - corners[0])
+        extent = float(length(half))
+        along = half / extent
+        nearest = nearest + along * min(max(-float((center * along).sum()), -extent), extent)
+    return nearest if float(length(nearest)) >= Z_NEAR_M else center
 
 
 def _axes_towards(center: FloatArray) -> FloatArray:
@@ -108,8 +156,10 @@ def _along_sides(hull: Sequence[Point]) -> FloatArray:
     """``(N, 3)`` unit rays along the sides of a polygon in the plane ``z = 1``."""
     corners = np.column_stack([np.array(hull), np.ones(len(hull))])
     corners = corners / length(corners)[:, None]
-    share = np.arange(_STEPS)[:, None] / _STEPS
-    along = corners[:, None] * (1.0 - share) + np.roll(corners, -1, axis=0)[:, None] * share
+    following = np.roll(corners, -1, axis=0)
+    steps = _STEPS if (corners * following).sum(axis=1).min() >= 0.0 else _LONG_STEPS
+    share = np.arange(steps)[:, None] / steps
+    along = corners[:, None] * (1.0 - share) + following[:, None] * share
     rays = along.reshape(-1, 3)
     return np.asarray(rays / length(rays)[:, None], dtype=np.float64)
 

@@ -136,6 +136,46 @@ def test_an_outline_bounds_what_the_lens_shows_of_a_box(name: str) -> None:
     assert compared > 15
 
 
+@pytest.mark.parametrize("name", LENSES)
+def test_an_outline_bounds_what_is_seen_of_a_box_that_the_camera_stands_beside(name: str) -> None:
+    """Such as a bus in the next street lane: its centre may be behind the camera."""
+    lens, rng, compared = LENSES[name], np.random.default_rng(7), 0
+    for _ in range(40):
+        extent = np.array([rng.uniform(2.0, 6.0), 1.3, 1.6])
+        turn = rotation_matrix([0.0, rng.uniform(-180.0, 180.0), 0.0])
+        swap = OPTICAL_FROM_SENSOR
+        beside = rng.choice([-1.0, 1.0]) * rng.uniform(1.7, 3.5)
+        center = turn @ [rng.uniform(-0.9, 0.9) * extent[0], beside, rng.uniform(-1.0, 1.0)]
+        outline = lens_outline((CORNER_SIGNS * extent @ turn.T + center) @ swap.T, lens)
+        uv = lens.project((surface(extent) @ turn.T + center) @ swap.T)
+        shown = (uv >= 0.0).all(axis=1) & (uv <= [lens.width, lens.height]).all(axis=1)
+        if outline is None:
+            assert not shown.any()
+        elif shown.sum() > 200:
+            compared += 1
+            found = np.array([*uv[shown].min(axis=0), *uv[shown].max(axis=0)])
+            low, high = found - 1.0, found + 1.0  # points are apart: it may reach farther out
+            low[:2], high[2:] = found[:2] - 25.0, found[2:] + 25.0
+            assert (np.array(outline.bounds_inside) >= low).all()
+            assert (np.array(outline.bounds_inside) <= high).all()
+    assert compared > 15
+
+
+def test_what_is_behind_a_lens_of_all_directions_is_not_all_of_the_picture() -> None:
+    """Its outline goes around the picture."""
+    everywhere = lens_of(
+        "kannala_brandt", (640, 480), (180.0, 180.0), (320.0, 240.0), (0.0,) * 4, 180.0
+    )
+    car = CORNER_SIGNS * np.array([1.0, 0.75, 2.4])
+    for away_m in (6.0, 12.0, 30.0):
+        assert lens_outline(car + np.array([0.3, 0.2, -away_m]), everywhere) is None
+    wall = CORNER_SIGNS * np.array([20.0, 10.0, 0.5])
+    outline = lens_outline(wall + np.array([0.0, 0.0, -3.0]), everywhere)
+    assert outline is not None
+    assert outline.bounds_inside == (0.0, 0.0, 640.0, 480.0)
+    assert 0.1 < outline.truncated < 0.9
+
+
 def test_a_box_behind_a_fisheye_is_in_no_picture() -> None:
     extent = np.array([3.0, 3.0, 1.0])
     assert lens_outline(CORNER_SIGNS * extent + [0.0, 0.0, -4.0], FISHEYE) is None

@@ -216,7 +216,7 @@ class EpisodeLabeller:
                 acceleration_valid=acceleration_valid,
                 lidar_points=points,
                 radar_points=detections,
-                pixels=seen.pixels,
+                pixels=seen.pixels if self._cameras.keys() & images.keys() else None,
                 riders=seen.riders,
             )
         ego: dict[str, Any] = {}

@@ -37,7 +37,7 @@ def object_rows(
     acceleration_valid: bool,
     lidar_points: Mapping[int, list[tuple[str, int]]],
     radar_points: Mapping[int, list[tuple[str, int]]],
-    pixels: Mapping[int, VisiblePixels],
+    pixels: Mapping[int, VisiblePixels] | None,
     riders: Mapping[int, int] = MappingProxyType({}),
 ) -> list[dict[str, Any]]:
     """Build the rows.
@@ -50,7 +50,7 @@ def object_rows(
         acceleration_valid: false in an episode's very first frame.
         lidar_points: by actor id, points per LiDAR.
         radar_points: by actor id, detections per radar.
-        pixels: by actor id; actors that no camera can see are left out.
+        pixels: by actor id; actors that no camera can see are left out. None: no camera looked.
         riders: by id of their two-wheelers, the tag of riders that a camera sees.
     """
     to_ego = scene.ego_from_world[:3, :3]
@@ -84,7 +84,9 @@ def object_rows(
     for i, fact in enumerate(scene.facts):
         info = fact.info
         has_box = labels.boxes_3d and bool(scene.valid[i])
-        visibility = _visibility(pixels.get(info.id)) if labels.pixels else None
+        visibility = None
+        if labels.pixels and pixels is not None:
+            visibility = _visibility(pixels.get(info.id))
         rows.append(
             {
                 "k": keys["k"],

@@ -101,7 +101,8 @@ OBJECT_COLUMNS: tuple[Column, ...] = (
     Column("num_radar_points", "map[str,u32]", "points",
         "detections of this tick inside the box, per radar; empty without a valid box"),
     Column("visibility", "f64", "ratio",
-        f"visible over amodal pixels, summed over the cameras; {_NO_PIXELS}, or a rider",
+        f"visible over amodal pixels, summed over the cameras; {_NO_PIXELS}, a rider, or no "
+        "labelled camera has a picture",
         nullable=True),
     Column("visibility_token", "u8", "1..4",
         "nuScenes bins of `visibility`: below 0.4, 0.6, 0.8, and the rest; null with it",

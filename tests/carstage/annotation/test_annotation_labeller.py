@@ -409,6 +409,13 @@ def test_visibility_sums_the_pixels_of_all_cameras() -> None:
     assert found.objects[1]["visibility_token"] == 3
 
 
+def test_where_no_labelled_camera_looks_visibility_is_unknown() -> None:
+    rows = labeller(actor(CAR_ID)).label_frame(snapshot(AHEAD), 2, {}, {}).objects
+    assert [(row["visibility"], row["visibility_token"]) for row in rows] == [(None, None)] * 2
+    away = label({CAR_ID: ((-20.0, 0.0, 0.0), LEVEL)}).objects
+    assert [(row["visibility"], row["visibility_token"]) for row in away] == [(0.0, 1)] * 2
+
+
 def test_ids_above_16_bits_are_found_by_their_low_bits() -> None:
     high = CAR_ID + 65536
     row = one(label({high: ((20.0, 0.0, 0.0), LEVEL)}, actors=(actor(high),)))

@@ -56,7 +56,10 @@ def check_nulls(episode: Episode, tables: LabelTables, findings: Findings) -> No
     same = _Nulls("objects", objects, findings)
     same.never(OBJECT_COLUMNS)
     same.are(_BOX, _is_in(objects["box_source"], _WITHOUT_BOX) | (not labels.boxes_3d))
-    same.are(("visibility", "visibility_token"), riders | (not labels.pixels))
+    # Where no camera looked; datasets of before have 0 there.
+    unseen = ~np.isin(objects["k"].to_numpy(), seen["k"].to_numpy())
+    unknown = unseen & objects["visibility"].is_null().to_numpy()
+    same.are(("visibility", "visibility_token"), riders | unknown | (not labels.pixels))
     same.are(("angular_velocity",), walkers)
     same.are(("traffic_light_state",), ~lights)
     _check_acceleration(same, objects)

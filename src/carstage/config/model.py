@@ -460,6 +460,13 @@ class Config(Section):
                         f"{field}: at {attributes.rotation_hz(rate_hz):g} Hz each file holds "
                         f"{share:.0%} of a turn; `auto` makes whole turns."
                     )
+            if (
+                self.save_every > 1
+                and sensor.measures_hz(self.fps) < self.fps
+                and not isinstance(self.server, EmbeddedServerConfig)
+            ):
+                why = "such a server may measure in steps that save_every leaves out"
+                found.append(f"{path_text((*path, 'rate_hz'))}: {why}. Save every step.")
             if sensor.kind == "imu" and sensor.pose.is_turned:
                 why = "CARLA turns the gyroscope of a turned IMU the wrong way round"
                 found.append(f"{path_text((*path, 'pose'))}: {why}. Mount it unrotated.")

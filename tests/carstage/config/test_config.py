@@ -285,6 +285,16 @@ def test_a_partial_sweep_is_warned_of_with_its_field() -> None:
     assert parse_config(ONE % "semantic_lidar").warnings() == []
 
 
+def test_own_rates_and_skipped_steps_are_warned_of_where_they_may_not_meet() -> None:
+    """The embedded simulator's sensors measure in the first recorded step; CARLA's may not."""
+    text = "save_every: 4\ntiming: {sensor_sync: false}\n" + ONE % "gnss, rate_hz: 5"
+    assert parse_config(text).warnings() == []
+    (warning,) = parse_config("server: {kind: remote}\n" + text).warnings()
+    assert warning.startswith("rig.sensors[1].rate_hz: ")
+    every_step = text.replace("save_every: 4", "save_every: 1")
+    assert parse_config("server: {kind: remote}\n" + every_step).warnings() == []
+
+
 def test_a_turned_imu_is_warned_of() -> None:
     (warning,) = parse_config(ONE % "imu, pose: {roll_deg: 90}").warnings()
     assert warning.startswith("rig.sensors[1].pose: ")

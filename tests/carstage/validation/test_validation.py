@@ -413,6 +413,17 @@ def test_missing_data_is_a_warning_where_skipping_was_declared(dataset: Path) ->
     assert "no data within 2 s" in problem.message
 
 
+def test_a_sensor_that_measured_in_no_saved_frame_is_warned_of(dataset: Path) -> None:
+    edit_rows(
+        dataset, "frames.parquet", lambda rows: [{**row, "GNSS.state": "off"} for row in rows]
+    )
+    edit_rows(dataset, "sensors/GNSS.parquet", lambda rows: [])
+    report = validate_dataset(dataset)
+    assert report.ok
+    (problem,) = report.problems
+    assert (problem.check, problem.severity, problem.sensor) == ("ledger_state", "warning", "GNSS")
+
+
 def test_an_unreadable_episode_is_one_problem_and_no_crash(dataset: Path) -> None:
     (attempt_of(dataset) / "calibration.json").write_text("{")
     recommit(dataset)

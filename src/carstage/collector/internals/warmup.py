@@ -57,14 +57,21 @@ def warm_up(
     frame = 0
     left_s = WAIT_S
     resting = scene.resting
+    aside = {*resting.streams, *resting.own}
+    # Of those that are not listened to yet nothing is waited for.
+    later = dict.fromkeys(resting.own, -1)
     measured = dict.fromkeys(resting.streams, -1)
     for number in range(ticks + 1):
         stop.check()
         pipeline.check()
         if number == begin_listening:
-            scene.listen(pipeline.callback, lambda stream: stream not in resting.streams)
+            scene.listen(pipeline.callback, lambda stream: stream not in aside)
         if number == resting.begin and resting.streams:
             scene.listen(pipeline.callback, resting.streams.__contains__)
+        due = {name for name in later if resting.own[name] == number}
+        if due:
+            scene.listen(pipeline.callback, due.__contains__)
+            later = {name: -1 for name in later if name not in due}
         if number == ticks:
             break
         frame = scene.step(None).frame
@@ -75,7 +82,7 @@ def warm_up(
             begin_s = clock_s()
             if own_timelines:
                 # A sensor need not measure now: any data show its stream.
-                lacking = pipeline.wait_delivered(0, left_s)
+                lacking = pipeline.wait_delivered(0, left_s, later)
                 left_s = max(0.0, left_s - (clock_s() - begin_s))
             else:
                 timeout_s = max(WAIT_S, patience_s) if number == ticks - 1 else WAIT_S

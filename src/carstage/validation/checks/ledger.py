@@ -48,6 +48,13 @@ def check_ledger(episode: Episode, ledger: pa.Table, findings: Findings) -> None
     for sensor in episode.calibration.sensors:
         states = ledger[f"{sensor}.state"].to_pylist()
         reasons = ledger[f"{sensor}.reason"].to_pylist()
+        if saved and {states[tick] for tick, k in enumerate(ks) if k is not None} == {"off"}:
+            findings.add(
+                "ledger_state",
+                "it measured in no frame that is saved: its rate_hz and save_every do not meet",
+                sensor=sensor,
+                severity="warning",
+            )
         for tick, k, state, reason in zip(ticks, ks, states, reasons, strict=True):
             if state not in _GOOD_STATES:
                 findings.add(

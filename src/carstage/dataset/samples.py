@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from carstage.dataset.collection import Dataset
@@ -12,6 +11,7 @@ from carstage.dataset.ledger import recorded_frames
 from carstage.dataset.saved_frames import EpisodeFrames, Frame
 from carstage.dataset.splits import Split
 from carstage.errors import BadInputError
+from carstage.storage.remote_path import DatasetPath
 
 Sample = TypeVar("Sample")
 _OPEN_EPISODES = 16
@@ -27,7 +27,8 @@ class FrameSamples(Generic[Sample]):
     itself.
 
     Args:
-        path: folder of the dataset.
+        path: folder or address of the dataset; or the dataset: of one with chosen episodes, these
+            alone.
         read: makes the sample of a frame; must be a function that can be pickled (one of a module)
             if the samples go to other processes.
         sensors: only frames that all of these have data of.
@@ -42,16 +43,16 @@ class FrameSamples(Generic[Sample]):
 
     def __init__(
         self,
-        path: str | Path,
+        path: str | DatasetPath | Dataset,
         read: Callable[[Frame], Sample],
         *,
         sensors: Sequence[str] = (),
         episodes: Sequence[str] | None = None,
         split: Split | None = None,
     ) -> None:
-        self._path = Path(path)
+        dataset = path if isinstance(path, Dataset) else Dataset(path)
+        self._path = dataset.path
         self._read = read
-        dataset = Dataset(path)
         if split is not None:
             if episodes is not None:
                 raise BadInputError("Both episodes and a split are given.", "Give one of them.")

@@ -69,6 +69,14 @@ def test_samples_have_a_length_and_are_read_by_index(folder: Path) -> None:
         found[6]
 
 
+def test_a_dataset_may_be_given_as_it_was_opened(folder: Path) -> None:
+    found = FrameSamples(Dataset(folder), tell)
+    assert [found[i] for i in range(len(found))] == [
+        FrameSamples(folder, tell)[i] for i in range(6)
+    ]
+    assert pickle.loads(pickle.dumps(found))[2] == found[2]
+
+
 def test_frames_that_a_wanted_sensor_lacks_are_left_out(folder: Path, tmp_path: Path) -> None:
     copy = Path(shutil.copytree(folder, tmp_path / "out"))
 

@@ -335,12 +335,16 @@ class Config(Section):
                 "occupancy",
                 "exact",
             )
-        cameras = self.labels.method != "stage_vo" and any(map(self._is_labelled, self.sensors))
+        cameras = self.labels.method != "stage_vo" and any(
+            self._is_labelled(sensor) and isinstance(sensor, CameraSensor) and sensor.is_pinhole
+            for sensor in self.sensors
+        )
         lidars = any(sensor.row.content == TAGGED_POINTS for sensor in self.sensors)
         if not (asked.exact or cameras or lidars or self.labelled_lidars):
             raise problem(
                 "no sensor tells the classes of surfaces.",
-                "Label a camera with pixels in labels.method, or a LiDAR by labels.lidars.",
+                "Label a camera without distortion with pixels in labels.method, or a LiDAR by "
+                "labels.lidars.",
                 "labels",
                 "occupancy",
             )

@@ -28,6 +28,7 @@ from carstage.config.lenses import AnyLens
 from carstage.config.of_its_kind import OfItsKind
 from carstage.config.products import PRODUCTS, products_of
 from carstage.errors import BadInputError
+from carstage.geometry import is_pinhole
 from carstage.geometry.lens_sources import SourceView
 from carstage.sensor_kinds import SensorKind, kinds, sensor_kind
 from carstage.sensor_kinds.model import NORMALS
@@ -313,6 +314,13 @@ class CameraSensor(Sensor):
     def needs_cube(self) -> bool:
         """See ``Sensor.needs_cube``."""
         return self.lens is not None and self.lens.needs_cube
+
+    @property
+    def is_pinhole(self) -> bool:
+        """Whether its pictures have no distortion."""
+        if self.lens is not None:
+            return self.lens.model == "pinhole"
+        return is_pinhole(self.carla(fps=1.0, image_size=(1, 1)))
 
     def source(self, image_size: tuple[int, int]) -> SourceView | None:
         """See ``Sensor.source``."""

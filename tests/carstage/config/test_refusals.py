@@ -232,6 +232,12 @@ REFUSED = {
         "labels.occupancy: ",
         "labels.lidars",
     ),
+    "voxels of distorted pictures": (
+        "{labels: {occupancy: {}}, "
+        "rig: {sensors: [{id: CAM, kind: rgb, attributes: {lens_k: -0.5}}]}}",
+        "labels.occupancy: ",
+        "labels.lidars",
+    ),
     "exact voxels of CARLA": (
         "{labels: {occupancy: {exact: true}}, server: {kind: carla, path: /carla}}",
         "labels.occupancy.exact: ",

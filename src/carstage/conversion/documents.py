@@ -89,6 +89,7 @@ def calibration_document(spec: EpisodeSpec, plan: SensorPlan, ego: ActorInfo) ->
             "blueprint": sensor.blueprint,
             "attributes": dict(attributes),
             "attach_to": mount.attach_to,
+            **({"attach_index": sensor.attach_index} if sensor.attach_index else {}),
             "attachment": sensor.attachment,
             "carrier_from_sensor": mount.carrier_from_sensor.tolist(),
             "ego_from_sensor": mount.carrier_from_sensor.tolist() if mount.on_ego else None,

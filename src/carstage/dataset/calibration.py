@@ -51,6 +51,7 @@ class SensorCalibration:
         k: ``(3, 3)`` intrinsics; zeros for what is no camera.
         lens: the camera model that its pictures were re-projected to; None: CARLA's own.
         flash: of a flash LiDAR: what it measures.
+        attach_index: which actor of the pattern carries it, by distance from the ego at the start.
     """
 
     id: str
@@ -71,6 +72,7 @@ class SensorCalibration:
     k: NDArray[np.float64]
     lens: Lens | None = None
     flash: FlashSpec | None = None
+    attach_index: int = 0
 
     @property
     def content(self) -> str:
@@ -156,12 +158,16 @@ class SensorCalibration:
         """Whether its files hold exactly what was measured."""
         return codec_for(self.kind, self.codec)[1].lossless
 
+    @property
+    def _carried(self) -> tuple[str, int, str]:
+        return self.attach_to, self.attach_index, self.attachment
+
     def shares_view(self, other: SensorCalibration) -> bool:
         """Whether both are cameras whose pixels look along the same rays in every frame."""
         return (
             self.is_camera
             and (self.width, self.height) == (other.width, other.height)
-            and (self.attach_to, self.attachment) == (other.attach_to, other.attachment)
+            and self._carried == other._carried
             and np.array_equal(self.carrier_from_sensor, other.carrier_from_sensor)
             and np.array_equal(self.k, other.k)
             and self.bent == other.bent
@@ -211,6 +217,7 @@ def calibration_of(name: str, entry: Mapping[str, Any]) -> SensorCalibration:
         k=np.array(entry.get("K", np.zeros((3, 3))), np.float64),
         lens=_lens_of(entry) if "lens" in entry else None,
         flash=FlashSpec.read(Fields(entry["flash"], "flash")) if "flash" in entry else None,
+        attach_index=entry.get("attach_index", 0),
     )
 
 

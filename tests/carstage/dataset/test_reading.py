@@ -9,15 +9,38 @@ import pytest
 
 import analytic_dataset
 import analytic_scene
+from annotation_scenes import actor
+from benchmarks.framework.bare_specs import bare_sensor, bare_spec
 from carstage.annotation.tracks import level_tracks
+from carstage.conversion.documents import calibration_document
+from carstage.conversion.sensors import plan_sensors
 from carstage.dataset import Dataset, decode_mask
+from carstage.dataset.calibration import calibration_of
 from carstage.errors import BadInputError, DatasetError
+from carstage.spec import EpisodeSpec
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("reading")
     return analytic_dataset.make_dataset(folder / "out", folder)
+
+
+def test_cameras_on_two_vehicles_do_not_share_a_view() -> None:
+    on_cars = [
+        bare_sensor(name, kind, attach_to="vehicle.*", attach_index=index)
+        for name, kind, index in (("SEEN", "rgb", 0), ("DEPTH", "depth", 0), ("OTHER", "depth", 1))
+    ]
+    for sensor in on_cars:
+        sensor["blueprint"] = f"sensor.camera.{sensor['kind']}"
+        sensor["attributes"] = {"image_size_x": "64", "image_size_y": "48", "fov": "90"}
+    spec = EpisodeSpec.from_json(bare_spec(on_cars))
+    document = calibration_document(spec, plan_sensors(spec, {}), actor(1))
+    seen, depth, other = (
+        calibration_of(name, entry) for name, entry in document["sensors"].items()
+    )
+    assert seen.shares_view(depth)
+    assert not seen.shares_view(other)
 
 
 def sensor_spec(name: str) -> dict[str, object]:

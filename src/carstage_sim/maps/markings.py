@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import groupby
 
 import numpy as np
 import shapely
@@ -40,11 +41,24 @@ def lane_lines(
         if lane.kind in WALKED_KINDS:
             continue
         # Right-hand traffic: a lane's outer line is at its right edge.
-        painted[lane.outer.yellow] += _line(lane.offset(1.0), lane.outer, kept_clear)
+        lines = [*_runs(lane.offset(1.0), lane.outer)]
         alone = lane.lane_id == 1 and (lane.road_id, lane.section_id) not in innermost
         if lane.lane_id == -1 or alone:
-            painted[lane.inner.yellow] += _line(lane.offset(-1.0), lane.inner, kept_clear)
+            lines += _runs(lane.offset(-1.0), lane.inner)
+        for points, mark in lines:
+            painted[mark.yellow] += _line(points, mark, kept_clear)
     return shapely.union_all(painted[False]), shapely.union_all(painted[True])
+
+
+def _runs(
+    points: NDArray[np.float64], marks: Sequence[LaneMark]
+) -> Iterator[tuple[NDArray[np.float64], LaneMark]]:
+    """The stretches of an edge that have one line each."""
+    begin = 0
+    for mark, pieces in groupby(marks):
+        end = begin + len(list(pieces))
+        yield points[begin : end + 1], mark
+        begin = end
 
 
 def _line(

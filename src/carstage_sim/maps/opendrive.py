@@ -18,8 +18,9 @@ from typing import Any
 import carla
 import numpy as np
 from lxml import etree
+from numpy.typing import NDArray
 
-from carstage_sim.maps.road_objects import MiddleAt, arrow, crosswalk_shifts, unshifted
+from carstage_sim.maps.road_objects import MiddleAt, arrow, crosswalk_shifts, number_of, unshifted
 from carstage_sim.maps.signals import TRIGGER_GAP_M, TRIGGER_LENGTH_M
 from carstage_sim.maps.strips import LANE_KINDS, MARK_KINDS
 
@@ -29,6 +30,8 @@ _LARGE_MAP_M = 150_000.0
 """Maps with more road than this are sampled coarsely."""
 _END_M = 1e-4
 """Lane ends are sampled this far inside: beyond them the client has no waypoint."""
+_APART_M = 0.1
+"""Places where lines change that are closer to each other, or to an end, are sampled as one."""
 _LONGEST_WAY_M = 100
 """No way through a junction is longer."""
 _TURN_DEG = 45.0
@@ -73,8 +76,7 @@ def sample(opendrive: str, name: str) -> dict[str, np.ndarray]:
             begin, end = starts[section_id], starts[section_id + 1]
             if end - begin < 4 * _END_M:
                 continue
-            count = max(2, math.ceil((end - begin) / step_m) + 1)
-            stations = np.linspace(begin + _END_M, end - _END_M, count)
+            stations = _stations(section, begin, end, step_m)
             for lane in section.iterfind("*/lane"):
                 if lane.get("type") not in LANE_KINDS or lane.get("id") == "0":
                     continue
@@ -101,7 +103,7 @@ def sample(opendrive: str, name: str) -> dict[str, np.ndarray]:
                     }
                     for key, value in row.items():
                         columns[key].append(value)
-            first_station += count
+            first_station += len(stations)
     whole = {"road_id", "section_id", "lane_id", "junction_id", "lane_kind"}
     whole |= {"inner_mark", "outer_mark", "station"}
     pairs = {"inner_mark", "outer_mark", "mark_width_m"}
@@ -124,6 +126,26 @@ def sample(opendrive: str, name: str) -> dict[str, np.ndarray]:
     text = json.dumps(record, sort_keys=True).encode()
     arrays["record"] = np.frombuffer(text, dtype=np.uint8)
     return arrays
+
+
+def _stations(
+    section: etree._Element, begin_m: float, end_m: float, step_m: float
+) -> NDArray[np.float64]:
+    """Where a lane section is sampled: evenly, and where a line along it changes."""
+    count = max(2, math.ceil((end_m - begin_m) / step_m) + 1)
+    even = np.linspace(begin_m + _END_M, end_m - _END_M, count)
+    low_m, high_m = begin_m + _APART_M, end_m - _APART_M
+    changes: list[float] = []
+    offsets = {number_of(mark, "sOffset") for mark in section.iterfind("*/lane/roadMark")}
+    for offset_m in sorted(offsets, reverse=True):
+        at_m = min(max(begin_m + offset_m, low_m), high_m) + _END_M
+        if 0.0 < offset_m < end_m - begin_m and (not changes or changes[-1] - at_m > _APART_M):
+            changes.append(at_m)
+    if not changes or high_m < low_m:
+        return even
+    is_free = np.abs(even[:, None] - np.array(changes)).min(axis=1) > _APART_M / 2
+    is_free[[0, -1]] = True
+    return np.sort(np.concatenate([even[is_free], changes]))
 
 
 def _outermost(roads: list[etree._Element]) -> dict[int, int]:

@@ -42,7 +42,7 @@ def lane_offset_m(road: etree._Element, s_m: float) -> float:
     """How far the middle lane is to the left of the reference line."""
     value, begin = 0.0, -math.inf
     for element in road.iterfind("lanes/laneOffset"):
-        s, a, b, c, d = (_number(element, name) for name in ("s", "a", "b", "c", "d"))
+        s, a, b, c, d = (number_of(element, name) for name in ("s", "a", "b", "c", "d"))
         if begin <= s <= s_m:
             begin, ds = s, s_m - s
             value = a + ds * (b + ds * (c + ds * d))
@@ -54,8 +54,8 @@ def arrow(
 ) -> dict[str, Any] | None:
     """The record of an arrow, see ``signals.PaintedArrow``; None: it is none that can be drawn."""
     ways = arrow_ways(element)
-    sides = sorted(_number(element, name) for name in ("width", "length"))
-    middle = middle_at(_number(element, "s"))
+    sides = sorted(number_of(element, name) for name in ("width", "length"))
+    middle = middle_at(number_of(element, "s"))
     if not ways or sides[0] <= 0.0 or sides[1] > _LONGEST_ARROW_M or middle is None:
         return None
     place, heading = _beside(road, element, middle)
@@ -80,13 +80,13 @@ def crosswalk_shifts(
         corner = element.find("outline/cornerLocal")
         if element.get("type") != "crosswalk" or corner is None:
             continue
-        s_m = _number(element, "s")
+        s_m = number_of(element, "s")
         offset, middle = lane_offset_m(road, s_m), middle_at(s_m)
         if abs(offset) < _NO_OFFSET_M or middle is None:
             continue
         heading = middle[1]
         (x, y, z), turned = _beside(road, element, middle)
-        u, v = _number(corner, "u"), _number(corner, "v")
+        u, v = number_of(corner, "u"), number_of(corner, "v")
         # To the left is towards negative y where the heading is that of x.
         left = (math.sin(heading), -math.cos(heading))
         shift = (offset * left[0], offset * left[1])
@@ -120,13 +120,13 @@ def _beside(
 ) -> tuple[Place, float]:
     """Place and heading of an object, from the road's middle at its station."""
     (x, y, z), heading = middle
-    to_left = _number(element, "t") - lane_offset_m(road, _number(element, "s"))
+    to_left = number_of(element, "t") - lane_offset_m(road, number_of(element, "s"))
     place = (x + to_left * math.sin(heading), y - to_left * math.cos(heading), z)
     # OpenDRIVE turns to the left, CARLA to the right.
-    return place, heading - _number(element, "hdg")
+    return place, heading - number_of(element, "hdg")
 
 
-def _number(element: etree._Element, name: str) -> float:
+def number_of(element: etree._Element, name: str) -> float:
     """A number of an attribute; 0 where it is none, as the client's reader has it."""
     try:
         value = float(element.get(name, "0"))

@@ -34,6 +34,8 @@ MARK_KINDS = ("NONE", "Solid", "Broken", "SolidSolid", "SolidBroken", "BrokenSol
 _NARROWEST_M = 0.02
 """Lanes that are nowhere wider do not exist but in the file."""
 _SHORTEST_M = 0.01
+_USUAL_LINE_M = 0.15
+"""Of lines whose width the file leaves out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +60,8 @@ class Strip:
         yaw_deg: ``(N,)`` direction of travel.
         width_m: ``(N,)``.
         station: ``(N,)`` numbers of the cross-sections.
-        inner, outer: the lines towards the road's middle and away from it.
+        inner, outer: the lines towards the road's middle and away from it, of each of the N - 1
+            pieces between cross-sections.
     """
 
     kind: str
@@ -72,8 +75,8 @@ class Strip:
     yaw_deg: NDArray[np.float64]
     width_m: NDArray[np.float64]
     station: NDArray[np.int64]
-    inner: LaneMark
-    outer: LaneMark
+    inner: tuple[LaneMark, ...]
+    outer: tuple[LaneMark, ...]
 
     def offset(self, right: float) -> NDArray[np.float64]:
         """The line ``right`` half widths beside the centre; 1 is the right edge, -1 the left."""
@@ -132,33 +135,37 @@ def strips(samples: Samples, level: NDArray[np.int64]) -> list[Strip]:
             road_id, section_id, lane_id = (int(v) for v in keys[rows[0]])
             # Samples ascend in s; travel on positive lanes descends.
             travel = rows[::-1] if lane_id > 0 else rows
-            middle = rows[len(rows) // 2]
-            marks = [
-                LaneMark(
-                    MARK_KINDS[int(side[middle, 0])],
-                    bool(side[middle, 1]),
-                    float(paint) or 0.15,
-                )
-                for side, paint in zip((inner, outer), mark_width[middle], strict=True)
-            ]
+            # A line holds for growing s, so that of a piece stands at the end with the smaller one.
+            begun = travel[1:] if lane_id > 0 else travel[:-1]
             result.append(
                 Strip(
-                    kind=LANE_KINDS[int(kind[middle])],
+                    kind=LANE_KINDS[int(kind[rows[0]])],
                     road_id=road_id,
                     section_id=section_id,
                     lane_id=lane_id,
-                    junction_id=int(junction[middle]),
+                    junction_id=int(junction[rows[0]]),
                     level=int(level[station[rows[0]]]),
                     center=location[travel, :2],
                     z_m=location[travel, 2],
                     yaw_deg=yaw[travel],
                     width_m=width[travel],
                     station=station[travel],
-                    inner=marks[0],
-                    outer=marks[1],
+                    inner=_marks(inner[begun], mark_width[begun, 0]),
+                    outer=_marks(outer[begun], mark_width[begun, 1]),
                 )
             )
     return result
+
+
+def _marks(
+    kind_and_colour: NDArray[np.generic], width_m: NDArray[np.float64]
+) -> tuple[LaneMark, ...]:
+    """Rows of ``inner_mark`` or ``outer_mark`` as lines."""
+    rows = zip(kind_and_colour.tolist(), width_m.tolist(), strict=True)
+    return tuple(
+        LaneMark(MARK_KINDS[kind], bool(yellow), paint_m or _USUAL_LINE_M)
+        for (kind, yellow), paint_m in rows
+    )
 
 
 def driving_lanes(samples: Samples, signs: Sequence[Signal]) -> LaneSamples:

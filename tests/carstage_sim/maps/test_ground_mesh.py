@@ -41,7 +41,7 @@ def ground(stage01: Town) -> TriangleMesh:
 def straight_lane(length_m: float, rise_m: float = 0.0, y_m: float = 0.0) -> Strip:
     """A lane along x that climbs evenly."""
     x = np.linspace(0.0, length_m, int(length_m) + 1)
-    none = LaneMark("NONE", False, 0.15)
+    none = (LaneMark("NONE", False, 0.15),) * int(length_m)
     return Strip(
         kind="driving", road_id=1, section_id=0, lane_id=-1, junction_id=-1, level=0,
         center=np.stack([x, np.full_like(x, y_m)], axis=1), z_m=rise_m * x / length_m,

@@ -8,14 +8,18 @@ import numpy as np
 import pytest
 import shapely
 from lxml import etree
+from shapely.geometry.base import BaseGeometry
 
 import small_maps
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.baking import BakeOptions, bake, sample_in_child
-from carstage_sim.maps.markings import painted_arrows
+from carstage_sim.maps.levels import station_levels
+from carstage_sim.maps.markings import lane_lines, painted_arrows
 from carstage_sim.maps.road_objects import arrow, arrow_ways
 from carstage_sim.maps.signals import PaintedArrow, signal_plan
+from carstage_sim.maps.strips import strips
 
+PLAIN = '<roadMark sOffset="0" type="solid" color="white" width="0.15"/>'
 HEADING = 0.5
 OFFSET_M = 1.5
 LANE_OFFSET = f'<lanes><laneOffset s="0" a="{OFFSET_M}" b="0" c="0" d="0"/>'
@@ -123,3 +127,42 @@ def test_the_road_shows_the_arrow_as_a_line() -> None:
 )
 def test_where_an_arrow_leads(attributes: str, ways: list[str]) -> None:
     assert arrow_ways(etree.fromstring(f"<object {attributes}/>")) == ways
+
+
+def paint(text: str) -> tuple[BaseGeometry, BaseGeometry]:
+    """White and yellow lane lines."""
+    samples = sample_in_child(text, "lined")
+    return lane_lines(strips(samples, station_levels(samples)), ())
+
+
+def painted_m2(area: BaseGeometry, x0: float, x1: float, y: float, half_m: float = 0.6) -> float:
+    return float(area.intersection(shapely.box(x0, y - half_m, x1, y + half_m)).area)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_each_line_of_a_lane_is_painted_where_it_holds(side: int) -> None:
+    marks = (
+        '<roadMark sOffset="0" type="broken" color="white" width="0.1"/>'
+        '<roadMark sOffset="40.3" type="solid" color="white" width="0.2"/>'
+        '<roadMark sOffset="70.03" type="none"/>'
+        '<roadMark sOffset="90.02" type="solid" color="yellow" width="0.15"/>'
+    )
+    road = small_maps.road(1, 0, 0, 0, 100).replace(PLAIN, marks)
+    white, yellow = paint(small_maps.document(road))
+    y = side * 3.5
+    assert painted_m2(white, 0, 40.3, y) == pytest.approx(4 * 3 * 0.1, abs=1e-3)
+    assert painted_m2(white, 40.3, 70.03, y) == pytest.approx(29.73 * 0.2, abs=1e-3)
+    assert painted_m2(white, 70.04, 100, y) == 0.0
+    assert painted_m2(yellow, 0, 90.02, y) == pytest.approx(0.0, abs=1e-3)
+    assert painted_m2(yellow, 90.02, 100, y) == pytest.approx(9.98 * 0.15, abs=1e-3)
+
+
+def test_lines_that_change_close_to_each_other_hold_beyond_the_last_change() -> None:
+    marks = (
+        '<roadMark sOffset="0" type="solid" color="white" width="0.15"/>'
+        '<roadMark sOffset="0.03" type="none"/>'
+        '<roadMark sOffset="50.5" type="solid" color="white" width="0.15"/>'
+        '<roadMark sOffset="50.55" type="none"/>'
+    )
+    white, _ = paint(small_maps.document(small_maps.road(1, 0, 0, 0, 100).replace(PLAIN, marks)))
+    assert white.area < 2 * 0.3 * 0.15

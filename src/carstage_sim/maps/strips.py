@@ -129,8 +129,9 @@ def strips(samples: Samples, level: NDArray[np.int64]) -> list[Strip]:
         changes = np.flatnonzero(np.diff(level[station[lane[:-1]]])) + 1
         for piece in np.split(np.arange(len(lane) - 1), changes):
             rows = lane[piece[0] : piece[-1] + 2]
-            ends = location[rows[-1]] - location[rows[0]]
-            if len(rows) < 2 or np.abs(ends).max() < _SHORTEST_M:
+            # Along the lane, not from end to end: a loop ends where it begins.
+            steps = np.abs(np.diff(location[rows], axis=0))
+            if steps.sum(axis=0).max(initial=0.0) < _SHORTEST_M:
                 continue
             road_id, section_id, lane_id = (int(v) for v in keys[rows[0]])
             # Samples ascend in s; travel on positive lanes descends.

@@ -49,6 +49,19 @@ def test_the_road_surface_follows_a_hill():
     assert heights.max() < 6.01
 
 
+def test_a_road_that_ends_where_it_begins_becomes_a_town():
+    radius_m, length_m = 20.0, 40.0 * np.pi
+    loop = small_maps.road(1, 0, 0, 0, length_m).replace("<line/>", '<arc curvature="0.05"/>')
+    town = bake("Loop", small_maps.document(loop), BARE)
+    mesh = town.static_mesh
+    road = mesh.vertices[mesh.triangles[mesh.tag == CityObjectLabel.ROADS]][..., :2]
+    from_middle = np.linalg.norm(road - (0.0, -radius_m), axis=-1)
+    assert from_middle.max() == pytest.approx(radius_m + 3.5, abs=0.1)
+    around = np.degrees(np.arctan2(road[..., 1] + radius_m, road[..., 0]))
+    assert np.histogram(around, 12, (-180, 180))[0].min() > 0
+    assert len(town.spawn_points) > 10
+
+
 def test_spawn_points_stand_above_their_lane_and_slope_with_it():
     town = bake("Hill", small_maps.hill_road(), BARE)
     points = town.spawn_points

@@ -20,7 +20,7 @@ import numpy as np
 from lxml import etree
 from numpy.typing import NDArray
 
-from carstage_sim.maps.road_objects import MiddleAt, arrow, crosswalk_shifts, number_of, unshifted
+from carstage_sim.maps.road_objects import MiddleAt, Place, arrow, crosswalk, number_of
 from carstage_sim.maps.signals import TRIGGER_GAP_M, TRIGGER_LENGTH_M
 from carstage_sim.maps.strips import LANE_KINDS, MARK_KINDS
 
@@ -50,8 +50,8 @@ def sample(opendrive: str, name: str) -> dict[str, np.ndarray]:
         ``inner_mark`` and ``outer_mark`` (N, 2)
         kind (index into ``MARK_KINDS``) and 1 for yellow; ``mark_width_m`` (N, 2) of those two;
         ``station`` (N,): rows of one cross-section have one number, ascending along each section.
-        ``crosswalk`` (M, 3): closed outlines, one after the other. ``record``: JSON, uint8, see
-        :mod:`carstage_sim.maps.signals`.
+        ``crosswalk`` (M, 3): corners of outlines; ``crosswalk_number`` (M,): of which outline.
+        ``record``: JSON, uint8, see :mod:`carstage_sim.maps.signals`.
     """
     town = carla.Map(name, opendrive)
     root = etree.fromstring(opendrive.encode(), etree.XMLParser(huge_tree=True, encoding="utf-8"))
@@ -114,7 +114,11 @@ def sample(opendrive: str, name: str) -> dict[str, np.ndarray]:
         )
         for key, values in columns.items()
     }
-    arrays["crosswalk"] = np.array(_crosswalks(town, roads), dtype=np.float64).reshape(-1, 3)
+    walks = _crosswalks(town, roads)
+    corners = [corner for walk in walks for corner in walk]
+    arrays["crosswalk"] = np.array(corners, dtype=np.float64).reshape(-1, 3)
+    numbers = [number for number, walk in enumerate(walks) for _ in walk]
+    arrays["crosswalk_number"] = np.array(numbers, dtype=np.int32)
     origin = town.transform_to_geolocation(carla.Location())
     record = {
         "geo_reference": (origin.latitude, origin.longitude),
@@ -163,7 +167,7 @@ def _middle(town: carla.Map, road: etree._Element) -> MiddleAt:
     """The place of a road's middle lane by its station."""
     road_id, length_m = int(road.get("id")), float(road.get("length"))
 
-    def middle_at(s_m: float) -> tuple[tuple[float, float, float], float] | None:
+    def middle_at(s_m: float) -> tuple[Place, float] | None:
         inside = min(max(s_m, _END_M), length_m - _END_M)
         waypoint = town.get_waypoint_xodr(road_id, 0, inside)
         if waypoint is None:
@@ -173,10 +177,13 @@ def _middle(town: carla.Map, road: etree._Element) -> MiddleAt:
     return middle_at
 
 
-def _crosswalks(town: carla.Map, roads: list[etree._Element]) -> list[tuple[float, float, float]]:
-    """Outlines where OpenDRIVE has them: the client moves some."""
-    shifts = [shift for road in roads for shift in crosswalk_shifts(road, _middle(town, road))]
-    return unshifted([(p.x, p.y, p.z) for p in town.get_crosswalks()], shifts)
+def _crosswalks(town: carla.Map, roads: list[etree._Element]) -> list[list[Place]]:
+    found = [
+        crosswalk(road, element, _middle(town, road))
+        for road in roads
+        for element in road.iterfind("objects/object")
+    ]
+    return [corners for corners in found if corners]
 
 
 def _arrows(town: carla.Map, roads: list[etree._Element]) -> list[dict[str, Any]]:
@@ -275,7 +282,7 @@ def _earlier(point: carla.Waypoint, distance_m: float) -> carla.Waypoint:
     return min(behind, key=lambda w: abs(_wrapped(w.transform.rotation.yaw - yaw)), default=point)
 
 
-def _place(waypoint: carla.Waypoint) -> tuple[float, float, float]:
+def _place(waypoint: carla.Waypoint) -> Place:
     place = waypoint.transform.location
     return place.x, place.y, place.z
 

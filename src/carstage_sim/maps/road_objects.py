@@ -1,15 +1,16 @@
-"""Objects of an OpenDRIVE file that are painted on the road, and where the client puts them.
+"""Objects of an OpenDRIVE file that are painted on the road.
 
-The client knows crosswalks alone, and moves them by the lane offset of their road. What else is
-painted is told by RoadRunner's names (CARLA's towns are made with it), whose types of arrows are
-those of California's Standard Plan A24A, or by the subtype that ASAM OpenDRIVE 1.8 gives arrows.
+The client knows crosswalks alone, and of those not all: it moves them by the lane offset of their
+road, and does not say where an outline ends that is not closed. Arrows are told by RoadRunner's
+names (CARLA's towns are made with it), whose types are those of California's Standard Plan A24A, or
+by the subtype that ASAM OpenDRIVE 1.8 gives arrows.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 from lxml import etree
@@ -22,9 +23,8 @@ _ARROW = re.compile(r"stencil_arrowtype([1-8])(?:short|medium|long)?([lrb]?)", r
 _ARROW_WAYS = re.compile(r"arrow((?:left|straight|right)+)", re.IGNORECASE)
 _SIDES = {"l": {"left"}, "r": {"right"}, "b": {"left", "right"}, "": set[str]()}
 _ALL_WAYS = {"left", "straight", "right"}
-_NO_OFFSET_M = 1e-6
 _LONGEST_ARROW_M = 30.0
-_SAME_CORNER_M = 0.05
+_CORNERS = ("cornerLocal", "cornerRoad")
 
 
 def arrow_ways(element: etree._Element) -> list[str]:
@@ -55,10 +55,10 @@ def arrow(
     """The record of an arrow, see ``signals.PaintedArrow``; None: it is none that can be drawn."""
     ways = arrow_ways(element)
     sides = sorted(number_of(element, name) for name in ("width", "length"))
-    middle = middle_at(number_of(element, "s"))
-    if not ways or sides[0] <= 0.0 or sides[1] > _LONGEST_ARROW_M or middle is None:
+    pose = _beside(road, element, middle_at)
+    if not ways or sides[0] <= 0.0 or sides[1] > _LONGEST_ARROW_M or pose is None:
         return None
-    place, heading = _beside(road, element, middle)
+    place, heading = pose
     return {
         "ways": ways,
         "location": place,
@@ -68,62 +68,46 @@ def arrow(
     }
 
 
-def crosswalk_shifts(
-    road: etree._Element, middle_at: MiddleAt
-) -> list[tuple[Place, tuple[float, float]]]:
-    """Of crosswalks that the client moves: where it puts the first corner, and by how much.
-
-    It takes the road's middle for its reference line.
-    """
+def crosswalk(road: etree._Element, element: etree._Element, middle_at: MiddleAt) -> list[Place]:
+    """The corners of a crosswalk: of its first outline, else of its length and width."""
+    pose = _beside(road, element, middle_at)
+    if element.get("type", "").lower() != "crosswalk" or pose is None:
+        return []
+    outlines = [*element.iterfind("outline"), *element.iterfind("outlines/outline")]
+    corners = [corner for outline in outlines[:1] for corner in outline.iter(*_CORNERS)]
+    if not corners:
+        u, v = number_of(element, "length") / 2, number_of(element, "width") / 2
+        return [_turned(pose, a * u, b * v, 0.0) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     found = []
-    for element in road.iterfind("objects/object"):
-        corner = element.find("outline/cornerLocal")
-        if element.get("type") != "crosswalk" or corner is None:
-            continue
-        s_m = number_of(element, "s")
-        offset, middle = lane_offset_m(road, s_m), middle_at(s_m)
-        if abs(offset) < _NO_OFFSET_M or middle is None:
-            continue
-        heading = middle[1]
-        (x, y, z), turned = _beside(road, element, middle)
-        u, v = number_of(corner, "u"), number_of(corner, "v")
-        # To the left is towards negative y where the heading is that of x.
-        left = (math.sin(heading), -math.cos(heading))
-        shift = (offset * left[0], offset * left[1])
-        c, s = math.cos(turned), math.sin(turned)
-        first = (x + u * c + v * s + shift[0], y + u * s - v * c + shift[1], z)
-        found.append((first, shift))
+    for corner in corners:
+        if corner.tag == "cornerLocal":
+            found.append(_turned(pose, *(number_of(corner, name) for name in "uvz")))
+        elif (there := _beside(road, corner, middle_at)) is not None:
+            (x, y, z), _ = there
+            found.append((x, y, z + number_of(corner, "dz")))
     return found
 
 
-def unshifted(
-    corners: Sequence[Place], shifts: Sequence[tuple[Place, tuple[float, float]]]
-) -> list[Place]:
-    """Closed outlines, one after the other, moved back to where OpenDRIVE has them."""
-    result: list[Place] = []
-    begin = 0
-    for index, (x, y, _) in enumerate(corners):
-        first = corners[begin]
-        if index <= begin + 2 or math.dist((x, y), first[:2]) > 1e-3:
-            continue
-        moved = [
-            shift for place, shift in shifts if math.dist(place[:2], first[:2]) < _SAME_CORNER_M
-        ]
-        by = moved[0] if moved else (0.0, 0.0)
-        result += [(a - by[0], b - by[1], c) for a, b, c in corners[begin : index + 1]]
-        begin = index + 1
-    return [*result, *corners[begin:]]
-
-
 def _beside(
-    road: etree._Element, element: etree._Element, middle: tuple[Place, float]
-) -> tuple[Place, float]:
-    """Place and heading of an object, from the road's middle at its station."""
+    road: etree._Element, element: etree._Element, middle_at: MiddleAt
+) -> tuple[Place, float] | None:
+    """Place and heading of what has a station and a distance from the reference line."""
+    s_m = number_of(element, "s")
+    middle = middle_at(s_m)
+    if middle is None:
+        return None
     (x, y, z), heading = middle
-    to_left = number_of(element, "t") - lane_offset_m(road, number_of(element, "s"))
+    to_left = number_of(element, "t") - lane_offset_m(road, s_m)
     place = (x + to_left * math.sin(heading), y - to_left * math.cos(heading), z)
     # OpenDRIVE turns to the left, CARLA to the right.
     return place, heading - number_of(element, "hdg")
+
+
+def _turned(pose: tuple[Place, float], u: float, v: float, above: float) -> Place:
+    """A corner of an object, ``u`` ahead of its place, ``v`` to the left."""
+    (x, y, z), heading = pose
+    c, s = math.cos(heading), math.sin(heading)
+    return x + u * c + v * s, y + u * s - v * c, z + above
 
 
 def number_of(element: etree._Element, name: str) -> float:

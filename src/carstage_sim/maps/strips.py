@@ -34,6 +34,8 @@ MARK_KINDS = ("NONE", "Solid", "Broken", "SolidSolid", "SolidBroken", "BrokenSol
 _NARROWEST_M = 0.02
 """Lanes that are nowhere wider do not exist but in the file."""
 _SHORTEST_M = 0.01
+_SMALLEST_CROSSWALK_M2 = 0.5
+_OF_NO_LANE = ("crosswalk", "crosswalk_number", "record")
 _USUAL_LINE_M = 0.15
 """Of lines whose width the file leaves out."""
 
@@ -180,9 +182,7 @@ def driving_lanes(samples: Samples, signs: Sequence[Signal]) -> LaneSamples:
             vehicle that appears on a road with signs for its direction has passed the nearest.
     """
     rows = np.flatnonzero(samples["lane_kind"] == LANE_KINDS.index("driving"))
-    column = {
-        key: np.asarray(samples[key])[rows] for key in samples if key not in ("crosswalk", "record")
-    }
+    column = {key: np.asarray(samples[key])[rows] for key in samples if key not in _OF_NO_LANE}
     limit = np.full(len(rows), UNPOSTED_LIMIT_KMH, np.float32)
     posted = np.zeros(len(rows), np.float32)
     nearest_m = np.full(len(rows), np.inf)
@@ -219,14 +219,12 @@ class Crosswalk:
 
 
 def crosswalks(samples: Samples) -> list[Crosswalk]:
-    """Crosswalks: the flat list of corners is split where an outline closes."""
+    """Crosswalks whose outline is an area."""
     corners = np.asarray(samples["crosswalk"], dtype=np.float64)
+    begins = np.flatnonzero(np.diff(np.asarray(samples["crosswalk_number"], np.int64))) + 1
     result: list[Crosswalk] = []
-    begin = 0
-    for i in range(1, len(corners)):
-        if i > begin + 2 and np.allclose(corners[i, :2], corners[begin, :2], atol=1e-3):
-            area = shapely.Polygon(corners[begin : i + 1, :2])
-            if area.is_valid and area.area > 0.5:
-                result.append(Crosswalk(area, float(corners[begin:i, 2].mean())))
-            begin = i + 1
+    for ring in np.split(corners, begins):
+        area = shapely.Polygon(ring[:, :2]) if len(ring) > 2 else shapely.Polygon()
+        if area.is_valid and area.area > _SMALLEST_CROSSWALK_M2:
+            result.append(Crosswalk(area, float(ring[:, 2].mean())))
     return result

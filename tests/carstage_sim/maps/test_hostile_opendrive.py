@@ -183,12 +183,10 @@ REFUSED = {
         changed("<signals>", '<signals><signalReference s="10" t="0" id="55" orientation="+"/>'),
         "it crashes",
     ),
-    "a crosswalk nowhere": (crosswalk(*SQUARE, heading="nan"), "a crosswalk: .*" + BEYOND),
     "a crosswalk over the continent": (
         crosswalk((-1e8, -1e8), (1e8, -1e8), (1e8, 1e8), (-1e8, -1e8)),
         "a crosswalk: .*" + BEYOND,
     ),
-    "a crosswalk beyond the end": (crosswalk(*SQUARE, s=5000), READER),
 }  # fmt: skip
 """Text, and words of the refusal."""
 
@@ -262,6 +260,8 @@ TAKEN = {
     ),
     "a crosswalk of one corner": crosswalk((0, 0)),
     "a crosswalk of none": crosswalk(),
+    "a crosswalk that turns nowhere": crosswalk(*SQUARE, heading="nan"),
+    "a crosswalk beyond the end": crosswalk(*SQUARE, s=5000),
     "a crosswalk across itself": crosswalk((-2, -4), (2, 4), (2, -4), (-2, 4), (-2, -4)),
     "roads on each other": small_maps.document(
         *(small_maps.road(n, 0, 0, 0.001 * n, 200) for n in range(1, 30))

@@ -17,7 +17,7 @@ from carstage_sim.maps.levels import station_levels
 from carstage_sim.maps.markings import lane_lines, painted_arrows
 from carstage_sim.maps.road_objects import arrow, arrow_ways
 from carstage_sim.maps.signals import PaintedArrow, signal_plan
-from carstage_sim.maps.strips import strips
+from carstage_sim.maps.strips import crosswalks, strips
 
 PLAIN = '<roadMark sOffset="0" type="solid" color="white" width="0.15"/>'
 HEADING = 0.5
@@ -58,6 +58,37 @@ def test_a_crosswalk_lies_where_opendrive_has_it_on_a_road_with_a_lane_offset(sa
     found = samples["crosswalk"][:4, :2]
     expected = [at(100 + u, v) for u, v in ((-1.5, -3.5), (1.5, -3.5), (1.5, 3.5), (-1.5, 3.5))]
     np.testing.assert_allclose(found, expected, atol=2e-3)
+
+
+CORNERS = ((-2, -3), (2, -3), (2, 3), (-2, 3))
+LOCAL = [f'<cornerLocal u="{u}" v="{v}" z="0"/>' for u, v in CORNERS]
+OF_THE_ROAD = [f'<cornerRoad s="{60 + u}" t="{v}" dz="0" height="0"/>' for u, v in CORNERS]
+
+
+def walk(s: float, inside: str) -> str:
+    return (
+        f'<object id="{s}" type="crosswalk" name="walk" s="{s}" t="0" hdg="0" length="4" width="6">'
+        f"{inside}</object>"
+    )
+
+
+@pytest.mark.parametrize(
+    "inside",
+    [
+        f"<outline>{''.join(LOCAL)}</outline>",
+        f"<outline>{''.join([*LOCAL, LOCAL[0]])}</outline>",
+        f"<outlines><outline>{''.join(LOCAL)}</outline></outlines>",
+        f"<outline>{''.join(OF_THE_ROAD)}</outline>",
+        "",
+    ],
+    ids=["open", "closed", "in outlines", "along the road", "length and width"],
+)
+def test_crosswalks_are_found_however_their_outline_is_written(inside: str) -> None:
+    closed = walk(100, f"<outline>{''.join([*LOCAL, LOCAL[0]])}</outline>")
+    found = crosswalks(sample_in_child(text(walk(60, inside) + closed), "walks"))
+    for one, s_m in zip(found, (60, 100), strict=True):
+        expected = shapely.Polygon([at(s_m + u, v) for u, v in CORNERS])
+        assert one.area.symmetric_difference(expected).area < 0.05
 
 
 def test_an_arrow_lies_and_points_where_opendrive_has_it(samples) -> None:

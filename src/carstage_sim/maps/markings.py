@@ -26,6 +26,18 @@ _ARROW_FOOT_M = 14.6
 _STOP_LINE_FROM_EDGE_M = 0.1
 _SAME_STOP_M = 2.2
 _DOUBLE_SPACING_M = 0.24
+_STROKES = {
+    "NONE": (),
+    "Solid": ("Solid",),
+    "Broken": ("Broken",),
+    "SolidSolid": ("Solid", "Solid"),
+    "SolidBroken": ("Solid", "Broken"),
+    "BrokenSolid": ("Broken", "Solid"),
+    "BrokenBroken": ("Broken", "Broken"),
+    "Curb": (),
+}
+"""Of each of ``MARK_KINDS``, in LibCarla's order (``LaneMarking.h``): from inside to outside, in
+the middle of the road from left to right."""
 
 
 def lane_lines(
@@ -41,12 +53,15 @@ def lane_lines(
         if lane.kind in WALKED_KINDS:
             continue
         # Right-hand traffic: a lane's outer line is at its right edge.
-        lines = [*_runs(lane.offset(1.0), lane.outer)]
+        # The first stroke of a double line is the inner one, so at the left.
+        lines = [(run, -_DOUBLE_SPACING_M / 2) for run in _runs(lane.offset(1.0), lane.outer)]
         alone = lane.lane_id == 1 and (lane.road_id, lane.section_id) not in innermost
         if lane.lane_id == -1 or alone:
-            lines += _runs(lane.offset(-1.0), lane.inner)
-        for points, mark in lines:
-            painted[mark.yellow] += _line(points, mark, kept_clear)
+            # In the middle of the road, it is the one at the left of the road.
+            first_m = lane.lane_id * _DOUBLE_SPACING_M / 2
+            lines += [(run, first_m) for run in _runs(lane.offset(-1.0), lane.inner)]
+        for (points, mark), first_m in lines:
+            painted[mark.yellow] += _line(points, mark, first_m, kept_clear)
     return shapely.union_all(painted[False]), shapely.union_all(painted[True])
 
 
@@ -62,19 +77,17 @@ def _runs(
 
 
 def _line(
-    points: NDArray[np.float64], mark: LaneMark, kept_clear: BaseGeometry
+    points: NDArray[np.float64], mark: LaneMark, first_m: float, kept_clear: BaseGeometry
 ) -> list[BaseGeometry]:
-    if mark.kind in ("NONE", "Curb"):
-        return []
-    offsets = [0.0]
-    if mark.kind in ("SolidSolid", "SolidBroken", "BrokenSolid"):
-        offsets = [-_DOUBLE_SPACING_M / 2, _DOUBLE_SPACING_M / 2]
+    """The strokes of a line; of two, the first lies ``first_m`` to the right of it."""
+    strokes = _STROKES[mark.kind]
+    offsets = (first_m, -first_m) if len(strokes) == 2 else (0.0,) * len(strokes)
     result: list[BaseGeometry] = []
     for line in shapely.get_parts(shapely.LineString(points).difference(kept_clear)):
-        for offset in offsets:
-            beside = line if offset == 0.0 else line.offset_curve(offset, join_style="mitre")
-            parts = _dashes(beside) if mark.kind == "Broken" else [beside]
-            result += [part.buffer(mark.width_m / 2, cap_style="flat") for part in parts]
+        for stroke, offset in zip(strokes, offsets, strict=True):
+            for part in _dashes(line) if stroke == "Broken" else [line]:
+                along = shapely.offset_curve(part, offset, join_style="mitre") if offset else part
+                result.append(along.buffer(mark.width_m / 2, cap_style="flat"))
     return result
 
 

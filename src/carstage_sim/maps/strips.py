@@ -30,7 +30,10 @@ LANE_KINDS = (
 """Lane types that are sampled, OpenDRIVE 1.4 to 1.7; the index is the code in the arrays."""
 WALKED_KINDS = frozenset({"sidewalk", "walking"})
 MEDIAN_KINDS = frozenset({"median"})
-MARK_KINDS = ("NONE", "Solid", "Broken", "SolidSolid", "SolidBroken", "BrokenSolid", "Curb")
+MARK_KINDS = (
+    "NONE", "Solid", "Broken", "SolidSolid", "SolidBroken", "BrokenSolid", "BrokenBroken", "Curb",
+)  # fmt: skip
+"""The client's names of lines that are drawn; the index is the code in the arrays."""
 _NARROWEST_M = 0.02
 """Lanes that are nowhere wider do not exist but in the file."""
 _SHORTEST_M = 0.01

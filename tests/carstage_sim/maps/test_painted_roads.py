@@ -197,3 +197,44 @@ def test_lines_that_change_close_to_each_other_hold_beyond_the_last_change() -> 
     )
     white, _ = paint(small_maps.document(small_maps.road(1, 0, 0, 0, 100).replace(PLAIN, marks)))
     assert white.area < 2 * 0.3 * 0.15
+
+
+def double(kind: str) -> str:
+    return f'<roadMark sOffset="0" type="{kind}" color="white" width="0.1"/>'
+
+
+SOLID_M2 = pytest.approx(90 * 0.1, abs=1e-3)
+BROKEN_M2 = pytest.approx(10 * 3 * 0.1, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("kind", "inner_m2", "outer_m2"),
+    [
+        ("solid solid", SOLID_M2, SOLID_M2),
+        ("solid broken", SOLID_M2, BROKEN_M2),
+        ("broken solid", BROKEN_M2, SOLID_M2),
+        ("broken broken", BROKEN_M2, BROKEN_M2),
+    ],
+)
+def test_a_double_line_has_the_strokes_of_its_kind_from_inside_to_outside(
+    kind: str, inner_m2: object, outer_m2: object
+) -> None:
+    road = small_maps.road(1, 0, 0, 0, 90).replace(PLAIN, double(kind))
+    white, _ = paint(small_maps.document(road))
+    for side in (1, -1):
+        assert painted_m2(white, 0, 90, side * (3.5 - 0.12), 0.1) == inner_m2
+        assert painted_m2(white, 0, 90, side * (3.5 + 0.12), 0.1) == outer_m2
+
+
+@pytest.mark.parametrize("sides", ["both", "left", "right"])
+def test_a_double_line_in_the_middle_has_its_strokes_from_left_to_right(sides: str) -> None:
+    middle = '<lane id="0" type="none" level="false"'
+    road = small_maps.road(1, 0, 0, 0, 90).replace(PLAIN, "")
+    road = road.replace(f"{middle}/>", f"{middle}>{double('solid broken')}</lane>")
+    gone = {"left": "right", "right": "left"}.get(sides)
+    if gone:
+        road = road[: road.index(f"<{gone}>")] + road[road.index(f"</{gone}>") + len(gone) + 3 :]
+    white, _ = paint(small_maps.document(road))
+    # Along x, left is towards negative y.
+    assert painted_m2(white, 0, 90, -0.12, 0.1) == SOLID_M2
+    assert painted_m2(white, 0, 90, 0.12, 0.1) == BROKEN_M2

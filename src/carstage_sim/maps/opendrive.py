@@ -20,7 +20,15 @@ import numpy as np
 from lxml import etree
 from numpy.typing import NDArray
 
-from carstage_sim.maps.road_objects import MiddleAt, Place, arrow, crosswalk, number_of
+from carstage_sim.maps.road_objects import (
+    Place,
+    ReferenceAt,
+    arrow,
+    crosswalk,
+    lane_offset,
+    number_of,
+    to_left,
+)
 from carstage_sim.maps.signals import TRIGGER_GAP_M, TRIGGER_LENGTH_M
 from carstage_sim.maps.strips import LANE_KINDS, MARK_KINDS
 
@@ -163,23 +171,26 @@ def _outermost(roads: list[etree._Element]) -> dict[int, int]:
     }
 
 
-def _middle(town: carla.Map, road: etree._Element) -> MiddleAt:
-    """The place of a road's middle lane by its station."""
+def _reference(town: carla.Map, road: etree._Element) -> ReferenceAt:
+    """The place of a road's reference line by its station."""
     road_id, length_m = int(road.get("id")), float(road.get("length"))
 
-    def middle_at(s_m: float) -> tuple[Place, float] | None:
+    def reference_at(s_m: float) -> tuple[Place, float] | None:
         inside = min(max(s_m, _END_M), length_m - _END_M)
-        waypoint = town.get_waypoint_xodr(road_id, 0, inside)
-        if waypoint is None:
+        middle = town.get_waypoint_xodr(road_id, 0, inside)
+        if middle is None:
             return None
-        return _place(waypoint), math.radians(waypoint.transform.rotation.yaw)
+        offset_m, slope = lane_offset(road, inside)
+        # The client turns the middle lane by the slope itself, not by the angle of it.
+        heading = math.radians(middle.transform.rotation.yaw) + slope
+        return to_left(_place(middle), heading, -offset_m), heading
 
-    return middle_at
+    return reference_at
 
 
 def _crosswalks(town: carla.Map, roads: list[etree._Element]) -> list[list[Place]]:
     found = [
-        crosswalk(road, element, _middle(town, road))
+        crosswalk(element, _reference(town, road))
         for road in roads
         for element in road.iterfind("objects/object")
     ]
@@ -188,7 +199,7 @@ def _crosswalks(town: carla.Map, roads: list[etree._Element]) -> list[list[Place
 
 def _arrows(town: carla.Map, roads: list[etree._Element]) -> list[dict[str, Any]]:
     found = [
-        arrow(road, element, _middle(town, road))
+        arrow(element, _reference(town, road))
         for road in roads
         for element in road.iterfind("objects/object")
     ]

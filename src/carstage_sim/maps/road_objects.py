@@ -16,8 +16,8 @@ from typing import Any
 from lxml import etree
 
 Place = tuple[float, float, float]
-MiddleAt = Callable[[float], tuple[Place, float] | None]
-"""Place and heading (rad) of the road's middle at a station, in CARLA's frame."""
+ReferenceAt = Callable[[float], tuple[Place, float] | None]
+"""Place and heading (rad) of a road's reference line at a station, in CARLA's frame."""
 
 _ARROW = re.compile(r"stencil_arrowtype([1-8])(?:short|medium|long)?([lrb]?)", re.IGNORECASE)
 _ARROW_WAYS = re.compile(r"arrow((?:left|straight|right)+)", re.IGNORECASE)
@@ -38,24 +38,23 @@ def arrow_ways(element: etree._Element) -> list[str]:
     return sorted(way for way in _ALL_WAYS if found and way in found[1].lower())
 
 
-def lane_offset_m(road: etree._Element, s_m: float) -> float:
-    """How far the middle lane is to the left of the reference line."""
-    value, begin = 0.0, -math.inf
+def lane_offset(road: etree._Element, s_m: float) -> tuple[float, float]:
+    """How far the middle lane is to the left of the reference line (m), and its slope."""
+    value, slope, begin = 0.0, 0.0, -math.inf
     for element in road.iterfind("lanes/laneOffset"):
         s, a, b, c, d = (number_of(element, name) for name in ("s", "a", "b", "c", "d"))
         if begin <= s <= s_m:
             begin, ds = s, s_m - s
             value = a + ds * (b + ds * (c + ds * d))
-    return value
+            slope = b + ds * (2.0 * c + ds * 3.0 * d)
+    return value, slope
 
 
-def arrow(
-    road: etree._Element, element: etree._Element, middle_at: MiddleAt
-) -> dict[str, Any] | None:
+def arrow(element: etree._Element, reference_at: ReferenceAt) -> dict[str, Any] | None:
     """The record of an arrow, see ``signals.PaintedArrow``; None: it is none that can be drawn."""
     ways = arrow_ways(element)
     sides = sorted(number_of(element, name) for name in ("width", "length"))
-    pose = _beside(road, element, middle_at)
+    pose = _beside(element, reference_at)
     if not ways or sides[0] <= 0.0 or sides[1] > _LONGEST_ARROW_M or pose is None:
         return None
     place, heading = pose
@@ -68,9 +67,9 @@ def arrow(
     }
 
 
-def crosswalk(road: etree._Element, element: etree._Element, middle_at: MiddleAt) -> list[Place]:
+def crosswalk(element: etree._Element, reference_at: ReferenceAt) -> list[Place]:
     """The corners of a crosswalk: of its first outline, else of its length and width."""
-    pose = _beside(road, element, middle_at)
+    pose = _beside(element, reference_at)
     if element.get("type", "").lower() != "crosswalk" or pose is None:
         return []
     outlines = [*element.iterfind("outline"), *element.iterfind("outlines/outline")]
@@ -82,25 +81,26 @@ def crosswalk(road: etree._Element, element: etree._Element, middle_at: MiddleAt
     for corner in corners:
         if corner.tag == "cornerLocal":
             found.append(_turned(pose, *(number_of(corner, name) for name in "uvz")))
-        elif (there := _beside(road, corner, middle_at)) is not None:
+        elif (there := _beside(corner, reference_at)) is not None:
             (x, y, z), _ = there
             found.append((x, y, z + number_of(corner, "dz")))
     return found
 
 
-def _beside(
-    road: etree._Element, element: etree._Element, middle_at: MiddleAt
-) -> tuple[Place, float] | None:
+def _beside(element: etree._Element, reference_at: ReferenceAt) -> tuple[Place, float] | None:
     """Place and heading of what has a station and a distance from the reference line."""
-    s_m = number_of(element, "s")
-    middle = middle_at(s_m)
-    if middle is None:
+    reference = reference_at(number_of(element, "s"))
+    if reference is None:
         return None
-    (x, y, z), heading = middle
-    to_left = number_of(element, "t") - lane_offset_m(road, s_m)
-    place = (x + to_left * math.sin(heading), y - to_left * math.cos(heading), z)
+    place, heading = reference
     # OpenDRIVE turns to the left, CARLA to the right.
-    return place, heading - number_of(element, "hdg")
+    return to_left(place, heading, number_of(element, "t")), heading - number_of(element, "hdg")
+
+
+def to_left(place: Place, heading: float, distance_m: float) -> Place:
+    """A place at the left of another one, in CARLA's frame."""
+    x, y, z = place
+    return x + distance_m * math.sin(heading), y - distance_m * math.cos(heading), z
 
 
 def _turned(pose: tuple[Place, float], u: float, v: float, above: float) -> Place:

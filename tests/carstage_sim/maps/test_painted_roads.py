@@ -15,7 +15,7 @@ from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.baking import BakeOptions, bake, sample_in_child
 from carstage_sim.maps.levels import station_levels
 from carstage_sim.maps.markings import lane_lines, painted_arrows
-from carstage_sim.maps.road_objects import arrow, arrow_ways
+from carstage_sim.maps.road_objects import arrow, arrow_ways, lane_offset
 from carstage_sim.maps.signals import PaintedArrow, signal_plan
 from carstage_sim.maps.strips import crosswalks, strips
 
@@ -38,9 +38,9 @@ WALK = (
 )
 
 
-def text(objects: str) -> str:
+def text(objects: str, lane_offset: str = LANE_OFFSET) -> str:
     road = small_maps.road(1, 10, -20, HEADING, 200, objects=objects)
-    return small_maps.document(road.replace("<lanes>", LANE_OFFSET))
+    return small_maps.document(road.replace("<lanes>", lane_offset))
 
 
 def at(s: float, t: float) -> tuple[float, float]:
@@ -109,14 +109,33 @@ def test_an_arrow_lies_and_points_where_opendrive_has_it(samples) -> None:
 )
 def test_an_arrow_without_a_size_that_can_be_is_left_out(text_of: str) -> None:
     element = etree.fromstring(f"<object {text_of}/>")
-    assert arrow(etree.fromstring("<road/>"), element, lambda s_m: ((0.0, 0.0, 0.0), 0.0)) is None
+    assert arrow(element, lambda s_m: ((0.0, 0.0, 0.0), 0.0)) is None
+
+
+def test_what_is_painted_lies_where_opendrive_has_it_on_a_road_whose_lanes_swing_out() -> None:
+    # A turn lane: 3.5 m over 40 m; then lanes that go on to the left.
+    c, d = 3 * 3.5 / 40**2, -2 * 3.5 / 40**3
+    swing = (
+        f'<lanes><laneOffset s="0" a="0"/><laneOffset s="40" a="0" b="0" c="{c}" d="{d}"/>'
+        '<laneOffset s="80" a="3.5"/><laneOffset s="95" a="3.5" b="0.3"/>'
+    )
+    samples = sample_in_child(text(ARROW + WALK, swing), "swinging")
+    (arrow,) = signal_plan(samples["record"]).arrows
+    np.testing.assert_allclose(arrow.location[:2], at(60, -0.25), atol=2e-3)
+    assert arrow.yaw_deg == pytest.approx(-math.degrees(HEADING), abs=1e-3)
+    expected = [at(100 + u, v) for u, v in ((-1.5, -3.5), (1.5, -3.5), (1.5, 3.5), (-1.5, 3.5))]
+    np.testing.assert_allclose(samples["crosswalk"][:4, :2], expected, atol=5e-3)
+
+
+def test_a_lane_offset_in_words_is_none() -> None:
+    road = etree.fromstring('<road><lanes><laneOffset s="x" a="nan" b="?"/></lanes></road>')
+    assert lane_offset(road, 5.0) == (0.0, 0.0)
 
 
 def test_an_arrow_with_a_place_that_is_no_number_stands_at_the_begin() -> None:
     attributes = 'name="Stencil_ArrowType1" s="far" t="inf" hdg="?" width="1" length="3"'
     element = etree.fromstring(f"<object {attributes}/>")
-    road = etree.fromstring('<road><lanes><laneOffset s="x" a="nan"/></lanes></road>')
-    found = arrow(road, element, lambda s_m: ((s_m, 0.0, 0.0), 0.0))
+    found = arrow(element, lambda s_m: ((s_m, 0.0, 0.0), 0.0))
     assert found is not None
     assert found["location"] == (0.0, 0.0, 0.0)
 

@@ -40,7 +40,7 @@ def draw(frame: Frame, camera: str) -> Image.Image:
                 pen.line([tuple(corners[a]), tuple(corners[b])], fill=(255, 220, 0))
         if row["bbox_modal"]:
             pen.rectangle(row["bbox_modal"], outline=(255, 255, 255))
-        kind, distance = frame.objects[row["track_id"]]["class"], row["distance"]
+        kind, distance = frame.object(row["track_id"])["class"], row["distance"]
         print(f"{kind:14} {distance:5.1f} m  occluded {row['occlusion_ratio'] or 0:4.0%}")
     return image
 

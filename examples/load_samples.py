@@ -16,7 +16,7 @@ def read_sample(frame: Frame) -> dict[str, Any]:
     return {
         "image": frame.read(camera).transpose(2, 0, 1).copy(),  # (3, H, W) uint8, writable
         "boxes": np.array([row["bbox_modal"] for row in rows], np.float32).reshape(-1, 4),
-        "classes": [frame.objects[row["track_id"]]["class"] for row in rows],
+        "classes": [frame.object(row["track_id"])["class"] for row in rows],
     }
 
 

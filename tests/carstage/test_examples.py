@@ -16,6 +16,7 @@ import pytest
 from PIL import Image
 
 import carstage
+from analytic_dataset import make_watched
 from carstage.config import load_config
 from carstage.dataset import Dataset
 from carstage.runs.preflight import judge
@@ -72,6 +73,14 @@ def test_samples_come_from_worker_processes(recorded: Path) -> None:
     told = run("load_samples.py", recorded)
     assert told.startswith(f"{2 * FRAMES} samples of (3, 90, 160), ")
     assert int(told.split()[-2]) > 0
+
+
+def test_the_ego_is_named_where_a_camera_shows_it(tmp_path: Path) -> None:
+    watched = make_watched(tmp_path / "watched", tmp_path)
+    told = run("draw_boxes.py", watched, tmp_path / "boxes.png")
+    assert "CAM_FRONT" in told
+    assert re.search(r"^car +[\d.]+ m", told, re.MULTILINE)
+    assert run("load_samples.py", watched).startswith("2 samples of ")
 
 
 def test_an_export_opens_in_the_devkit(recorded: Path, tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from carstage.vector_map import to_table, vector_map
 from carstage.vector_map.table import GEO_KEY
 
 SIZE = (192, 128)
+_ANGLES = ("roll_deg", "pitch_deg", "yaw_deg")
 VERSIONS = {"client": "0.9.16", "server": "0.9.16"}
 
 
@@ -42,6 +43,23 @@ def make_dataset(folder: Path, work: Path, **options: Any) -> Path:
     frames = -(-header["ticks"] // header["spec"]["save_every"])
     store.commit(header["episode_id"], "a1", frames=frames, versions=VERSIONS)
     return folder
+
+
+def make_watched(folder: Path, work: Path) -> Path:
+    """A dataset whose CAM_FRONT stands on the map, behind the ego; returns ``folder``."""
+    spec = analytic_scene.spec
+    place = {"x_m": -8.0, "z_m": 3.0, **dict.fromkeys(("y_m", *_ANGLES), 0.0)}
+
+    def watched(**options: Any) -> dict[str, Any]:
+        document = spec(**options)
+        for sensor in document["sensors"]:
+            if sensor["id"].endswith("_FRONT"):
+                sensor |= {"attach_to": "world", "pose": place}
+        return document
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(analytic_scene, "spec", watched)
+        return make_dataset(folder, work, steps=2)
 
 
 def add_episode(folder: Path, work: Path, episode_id: str, steps: int) -> None:

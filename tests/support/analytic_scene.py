@@ -44,6 +44,8 @@ class Solid:
         return rotation, np.array(self.center) + self.speed * time_s * rotation[:, 0]
 
 
+MAP = Solid(0, "world", 0, (0.0, 0.0, 0.0), 0.0, (0.0, 0.0, 0.0))
+"""What carries a sensor that stands on the map."""
 EGO = Solid(
     41,
     "vehicle.tesla.model3",
@@ -228,13 +230,16 @@ def header(episode_spec: dict[str, Any], *, attempt: str, ticks_per_segment: int
 
 
 def cast(
-    origin: NDArray[np.float64], directions: NDArray[np.float64], time_s: float
+    origin: NDArray[np.float64],
+    directions: NDArray[np.float64],
+    time_s: float,
+    solids: tuple[Solid, ...] = SOLIDS,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Ray parameters of the nearest hits (inf: none) and indices into SOLIDS, -1 for the road."""
+    """Ray parameters of the nearest hits (inf: none) and indices into solids, -1 for the road."""
     with np.errstate(divide="ignore", invalid="ignore"):
         nearest = np.where(directions[..., 2] < 0.0, -origin[2] / directions[..., 2], np.inf)
         hit = np.full(nearest.shape, -1)
-        for index, solid in enumerate(SOLIDS):
+        for index, solid in enumerate(solids):
             rotation, center = solid.pose(time_s)
             start, along = rotation.T @ (origin - center), directions @ rotation
             bounds = np.stack([(sign * np.array(solid.extent) - start) / along for sign in (-1, 1)])
@@ -246,9 +251,9 @@ def cast(
 
 
 def carrier_of(sensor: dict[str, Any]) -> Solid:
-    """The vehicle that a sensor of the spec sits on."""
+    """What a sensor of the spec sits on."""
     name = sensor.get("attach_to", "ego")
-    return EGO if name == "ego" else next(s for s in SOLIDS if s.type_id == name)
+    return EGO if name == "ego" else next(s for s in (MAP, *SOLIDS) if s.type_id == name)
 
 
 def world_from_sensor(
@@ -264,16 +269,18 @@ def world_from_sensor(
 
 
 def image(kind: str, sensor: dict[str, Any], time_s: float) -> NDArray[np.uint8]:
-    """A camera's BGRA picture."""
+    """A camera's BGRA picture; those beside the ego show it too."""
+    carrier = carrier_of(sensor)
+    solids = SOLIDS if carrier is EGO else (*SOLIDS, EGO)
     width = int(sensor["attributes"]["image_size_x"])
     height = int(sensor["attributes"]["image_size_y"])
     focal = width / 2.0 / np.tan(np.radians(float(sensor["attributes"]["fov"])) / 2.0)
     u, v = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
     right, down = (u - width / 2) / focal, (v - height / 2) / focal
     rays = np.stack([np.ones_like(u), right, -down], axis=-1)  # x = 1: the parameter is depth
-    rotation, origin = world_from_sensor(sensor["pose"], time_s, carrier_of(sensor))
-    depth, hit = cast(origin, rays @ rotation.T, time_s)
-    tags = np.array([*(s.tag for s in SOLIDS), ROAD])[hit]
+    rotation, origin = world_from_sensor(sensor["pose"], time_s, carrier)
+    depth, hit = cast(origin, rays @ rotation.T, time_s, solids)
+    tags = np.array([*(s.tag for s in solids), ROAD])[hit]
     tags[np.isinf(depth)] = SKY
     pixels = np.zeros((height, width, 4), np.uint8)
     pixels[..., 3] = 255
@@ -284,7 +291,7 @@ def image(kind: str, sensor: dict[str, Any], time_s: float) -> NDArray[np.uint8]
     elif kind in ("semantic", "instance"):
         pixels[..., 2] = tags
         if kind == "instance":
-            ids = np.array([*(s.actor_id for s in SOLIDS), 0])[hit]
+            ids = np.array([*(s.actor_id for s in solids), 0])[hit]
             pixels[..., 1], pixels[..., 0] = ids & 255, ids >> 8
     else:
         colours = np.zeros((256, 3), np.float64)

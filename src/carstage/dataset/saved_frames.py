@@ -59,6 +59,16 @@ class Frame:
         """The sensor's data, see ``Sensor.read``."""
         return self.episode.sensor(sensor_id).read(self.k)
 
+    def object(self, track_id: int) -> Row | None:
+        """An object's row of ``objects.parquet``, also the ego's, which other cameras may show.
+
+        ``None``: the frame has no such object.
+        """
+        ego = self.ego_object
+        if ego is not None and ego["track_id"] == track_id:
+            return ego
+        return self.objects.get(track_id)
+
     def as_agent(self, name: str) -> Frame:
         """The same moment as an agent's beside the ego: its sensors, its labels, its motion.
 

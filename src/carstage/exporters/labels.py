@@ -62,15 +62,16 @@ def boxed_objects(frame: Frame, options: ExportOptions) -> Iterator[Row]:
 def camera_labels(frame: Frame, camera_id: str, options: ExportOptions) -> Iterator[CameraLabel]:
     """The objects of a picture that the options keep, by track id.
 
-    An object without the wanted box (a modal one of which no pixel is seen) is left out. Riders
-    have modal boxes alone. Where riders are exported, modal boxes and masks of two-wheelers are of
-    the vehicle alone; otherwise they hold the rider too.
+    The ego is one of them where the camera does not sit on it. An object without the wanted box (a
+    modal one of which no pixel is seen) is left out. Riders have modal boxes alone. Where riders
+    are exported, modal boxes and masks of two-wheelers are of the vehicle alone; otherwise they
+    hold the rider too.
     """
     wanted = options.chosen_classes
     alone = RIDER in wanted and options.boxes == "modal"
     riders = riders_by_vehicle(frame, camera_id) if alone else {}
     for seen in sorted(frame.camera_objects.get(camera_id, ()), key=_track_id):
-        row = frame.objects.get(seen["track_id"])
+        row = frame.object(seen["track_id"])
         if row is None or row["class"] not in wanted or not _has_target(row, options):
             continue
         if seen["track_id"] in riders:

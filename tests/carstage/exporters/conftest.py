@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from analytic_dataset import SIZE, make_dataset
+from analytic_dataset import SIZE, make_dataset, make_watched
 from carstage.exporters import ExportOptions, export_dataset
 from devkits import nuscenes_devkit
 
@@ -44,6 +44,13 @@ def every_kind(tmp_path_factory: pytest.TempPathFactory) -> Path:
         size=SIZE,
         every_kind=True,
     )
+
+
+@pytest.fixture(scope="session")
+def watched(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two frames of the drive with the ego in the pictures of CAM_FRONT. Do not change it."""
+    folder = tmp_path_factory.mktemp("watched")
+    return make_watched(folder / "out", folder)
 
 
 @pytest.fixture(scope="session")

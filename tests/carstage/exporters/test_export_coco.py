@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from PIL import Image
 
 from carstage.dataset import Dataset
+from carstage.exporters import export_dataset
 from carstage.tags import TAGS_0_9_14
 from devkits import coco_marks
 
@@ -84,3 +86,13 @@ def test_panoptic_segments_cover_the_picture_by_tag_and_actor(exported, dataset)
                 assert len(np.unique(instance[mask][:, 0])) == 1
             covered += row["area"]
         assert covered == segments.size
+
+
+def test_cameras_beside_the_ego_show_it_as_one_of_the_cars(watched, tmp_path: Path) -> None:
+    export_dataset("coco", watched, tmp_path / "out", workers=0)
+    document = json.loads((tmp_path / "out/annotations/instances_train.json").read_text())
+    cameras = {image["id"]: image["camera"] for image in document["images"]}
+    ego = Dataset(watched).episodes[0].document["ego_id"]
+    shown = [a for a in document["annotations"] if a["track_id"] == ego]
+    assert [cameras[annotation["image_id"]] for annotation in shown] == ["CAM_FRONT"] * 2
+    assert all(annotation["area"] > 0 for annotation in shown)

@@ -282,3 +282,17 @@ def test_several_cameras_may_be_named(dataset, tmp_path: Path) -> None:
     export_dataset("kitti-object", dataset, tmp_path / "out", options, workers=0)
     lines = (tmp_path / "out/frames.csv").read_text().splitlines()[1:]
     assert [line.split(",")[4] for line in lines] == ["CAM_LEFT", "CAM_FRONT"] * 6
+
+
+def test_cameras_on_no_car_show_the_ego_as_one_of_the_cars(watched, tmp_path: Path) -> None:
+    export_dataset("kitti-object", watched, tmp_path / "out", workers=0)
+    episode = Dataset(watched).episodes[0]
+    (seen,) = [
+        row
+        for row in episode.camera_objects().to_pylist()
+        if (row["k"], row["track_id"]) == (1, episode.document["ego_id"])
+    ]
+    x0, y0, x1, y1 = seen["bbox_modal"]
+    lines = (tmp_path / "out/training/label_2/000001.txt").read_text().splitlines()
+    boxes = {(name, *map(float, values[3:7])) for name, *values in map(str.split, lines)}
+    assert ("Car", x0, y0, x1 - 1, y1 - 1) in boxes

@@ -128,3 +128,19 @@ def test_a_full_shard_is_followed_by_the_next(
     assert sum(shards.values()) == 6
     paths = [str(out / name) for name in shards]
     assert len(list(wds.WebDataset(paths, shardshuffle=False))) == 6
+
+
+@pytest.mark.parametrize("class_map", [None, ClassMap.of({"car": "vehicle"})])
+def test_what_a_camera_sees_is_among_the_objects(
+    watched, wds, tmp_path: Path, class_map: ClassMap | None
+) -> None:
+    options = ExportOptions(class_map=class_map)
+    export_dataset("webdataset", watched, tmp_path / "out", options, workers=0)
+    ego = Dataset(watched).episodes[0].document["ego_id"]
+    shard = tmp_path / "out/train-000000.tar"
+    for sample in wds.WebDataset(str(shard), shardshuffle=False).decode("rgb8"):
+        labels = sample["labels.json"]
+        names = {row["track_id"]: row["class"] for row in labels["objects"]}
+        assert names[ego] == ("vehicle" if class_map else "car")
+        seen = {row["track_id"] for rows in labels["camera_objects"].values() for row in rows}
+        assert ego in seen <= set(names)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import yaml
 
 from analytic_dataset import SIZE
 from carstage.dataset import Dataset
+from carstage.exporters import export_dataset
 
 pytestmark = pytest.mark.xdist_group("export")
 
@@ -62,3 +65,19 @@ def test_chosen_classes_are_numbered_without_a_gap(exported) -> None:
     files = (out / "labels/train").iterdir()
     numbers = {line.split()[0] for path in files for line in path.read_text().splitlines()}
     assert numbers == {"0", "1"}
+
+
+def test_cameras_beside_the_ego_show_it_as_one_of_the_cars(watched, tmp_path: Path) -> None:
+    export_dataset("yolo", watched, tmp_path / "out", workers=0)
+    episode = Dataset(watched).episodes[0]
+    width, height = SIZE
+    (seen,) = [
+        row
+        for row in episode.camera_objects().to_pylist()
+        if (row["k"], row["track_id"]) == (1, episode.document["ego_id"])
+    ]
+    x0, y0, x1, y1 = seen["bbox_modal"]
+    box = [(x0 + x1) / 2 / width, (y0 + y1) / 2 / height, (x1 - x0) / width, (y1 - y0) / height]
+    (path,) = (tmp_path / "out/labels/train").glob("*_CAM_FRONT_000001.txt")
+    lines = [[float(value) for value in line.split()] for line in path.read_text().splitlines()]
+    assert any(np.allclose(line, [0, *box], atol=1e-5) for line in lines)

@@ -70,9 +70,9 @@ def _labels(frame: Frame, class_map: ClassMap | None) -> Mapping[str, Any]:
 
     With a class map those that have a target, under its name and number.
     """
-    objects, seen = frame.objects, frame.camera_objects
+    objects, seen = _objects(frame), frame.camera_objects
     if class_map is not None:
-        objects = _mapped(frame, class_map)
+        objects = _mapped(objects, class_map)
         seen = {
             camera: [row for row in rows if row["track_id"] in objects]
             for camera, rows in seen.items()
@@ -100,11 +100,20 @@ def _labels(frame: Frame, class_map: ClassMap | None) -> Mapping[str, Any]:
     }
 
 
-def _mapped(frame: Frame, class_map: ClassMap) -> dict[int, Row]:
+def _objects(frame: Frame) -> Mapping[int, Row]:
+    """The objects by track id, among them the ego where a camera shows it."""
+    ego = frame.ego_object
+    shown = {row["track_id"] for rows in frame.camera_objects.values() for row in rows}
+    if ego is None or ego["track_id"] not in shown:
+        return frame.objects
+    return {**frame.objects, ego["track_id"]: ego}
+
+
+def _mapped(objects: Mapping[int, Row], class_map: ClassMap) -> dict[int, Row]:
     """The objects that have a target, by track id; ``source_class`` is Car-STAGE's class."""
     numbers = class_map.numbers(0)
     found: dict[int, Row] = {}
-    for track_id, row in frame.objects.items():
+    for track_id, row in objects.items():
         target = class_map.target(row["class"], row["blueprint"])
         if target is not None:
             found[track_id] = {

@@ -128,7 +128,7 @@ def _camera_objects(frame: Frame, camera: str, rows: Sequence[Row]) -> list[Came
     calibration = frame.episode.sensor(camera).calibration_at(frame.k)
     found = []
     for row in rows:
-        known = frame.objects.get(row["track_id"])
+        known = frame.object(row["track_id"])
         name = known["class"] if known else ""
         lines: list[list[float]] = []
         if known and known["box_center_ego"] and calibration.is_pinhole:

@@ -83,7 +83,7 @@ class Pictures:
         for row in sorted(rows, key=lambda row: -row["distance"]):  # the nearest on top
             if row["mask_modal"] is None or not row["visible"]:
                 continue
-            known = frame.objects.get(row["track_id"])
+            known = frame.object(row["track_id"])
             colour = class_colour(known["class"] if known else "")
             mask = decode_mask(row["mask_modal"], camera.height, camera.width)
             canvas[mask] = (*colour, _MASK_ALPHA)

@@ -65,10 +65,12 @@ class EventSpec(Value):
         kind: its name.
         at_s: seconds after the first recorded step; a place is looked for from then on.
         nearest_counts: distances are those to the nearest of who takes part, else to the first.
+        sets_lights: it sets traffic lights, which may skip a state then.
         collector: class that makes it happen, as ``module:Class``; for kinds of other packages.
     """
 
     nearest_counts: ClassVar[bool] = False
+    sets_lights: ClassVar[bool] = False
     collector: ClassVar[str] = ""
 
     kind: str = named("")
@@ -230,6 +232,8 @@ class RedLightRunner(EventSpec):
         speed_m_s: how fast it drives.
         before_s: so much earlier than the ego it comes to where their ways cross; negative: later.
     """
+
+    sets_lights = True
 
     kind: str = named("red_light_runner")
     trigger_m: float = quantity(25.0, 10.0, 80.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pyarrow as pa
@@ -13,14 +13,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
+import analytic_scene
 from carstage.annotation.rle import encode_mask
 from carstage.annotation.schema import TABLES
 from carstage.conversion.segment import label_schema
+from carstage.dataset import Episode
 from carstage.dataset.calibration import SensorCalibration
 from carstage.dataset.masks import decode_mask
 from carstage.dataset.tables import RowSensor, arrow_type, read_table, row_sensor, write_table
 from carstage.errors import DatasetError
 from carstage.geometry import convex_hull
+from carstage.spec import EpisodeSpec
 from carstage.validation.checks.edges import (
     WINDOW,
     FrameFit,
@@ -30,8 +33,10 @@ from carstage.validation.checks.edges import (
     steepness,
 )
 from carstage.validation.checks.findings import Findings
+from carstage.validation.checks.labels import LabelTables
 from carstage.validation.checks.ranging import RangingFigures, check_share
 from carstage.validation.checks.silhouettes import check_hull_px, distance_outside
+from carstage.validation.checks.tracks import check_tracks
 
 coordinates = st.floats(-50.0, 50.0, width=32)
 points = st.lists(st.tuples(coordinates, coordinates), min_size=3, max_size=12)
@@ -190,3 +195,58 @@ def test_an_edge_along_a_column_of_pixels_may_count_it_or_not(hull_px: int, repo
     findings = Findings("episode")
     check_hull_px(camera, "object 57", {"hull_px": hull_px}, hull, findings, {"frame": 0})
     assert bool(findings.problems()) is reported
+
+
+RUNNER = {"kind": "red_light_runner", "at_s": 0.0, "trigger_m": 25.0, "speed_m_s": 11.0,
+          "before_s": 1.0}  # fmt: skip
+SCENIC = {"kind": "scenic", "program": "0.scenic", "version": "3.0.0", "parameters": {},
+          "mode_2d": True}  # fmt: skip
+
+
+def light_problems(heads: list[list[str]], **changes: Any) -> list[str]:
+    """What is found about the heads of a light with these states by frame, in a changed spec."""
+    spec = EpisodeSpec.from_json({**analytic_scene.spec(), **changes})
+    episode = SimpleNamespace(spec=spec, document={"server_version": "0.9.16", "actors": {}})
+    rows = [
+        {
+            "k": k, "timestamp_s": 0.1 * k, "track_id": 2**52 + head, "parent_track_id": 30,
+            "class": "traffic_light", "is_static": True, "semantic_tags": [7],
+            "traffic_light_state": state,
+        }
+        for head, states in enumerate(heads)
+        for k, state in enumerate(states)
+    ]  # fmt: skip
+    tables = LabelTables(
+        *(
+            pa.Table.from_pylist(content, schema=label_schema(TABLES[f"{name}.parquet"]))
+            for name, content in (("objects", rows), ("camera_objects", []), ("ego", []))
+        )
+    )
+    findings = Findings("e")
+    check_tracks(cast(Episode, episode), tables, findings)
+    return [problem.message for problem in findings.problems() if problem.check == "lights"]
+
+
+@pytest.mark.parametrize("skipped", ["Red Yellow", "Yellow Green", "Green Red"])
+def test_a_light_skips_no_state(skipped: str) -> None:
+    (problem,) = light_problems([skipped.split()])
+    assert "traffic_light_state" in problem
+    assert light_problems([["Green", "Yellow", "Red", "Green"]]) == []
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"save_every": 10},
+        {"timing": {**analytic_scene.spec()["timing"], "mode": "async"}},
+        {"scenario": {"kind": "autopilot", "events": [RUNNER]}},
+        {"scenario": SCENIC},
+    ],
+    ids=["saved seldom", "asynchronous", "set by an event", "set by a program"],
+)
+def test_a_light_may_skip_what_no_frame_shows_and_what_it_is_told_to(
+    changes: dict[str, Any],
+) -> None:
+    assert light_problems([["Green", "Red", "Yellow", "Green"]], **changes) == []
+    (problem, *_) = light_problems([["Green"], ["Green"], ["Red"]], **changes)
+    assert "traffic_light_state" in problem

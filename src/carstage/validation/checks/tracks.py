@@ -10,6 +10,7 @@ import pyarrow as pa
 
 from carstage.dataset.reading import Episode
 from carstage.dataset.tracks import may_come_back
+from carstage.spec import EpisodeSpec, OpenScenarioSpec, RecordedSpec, ScenicSpec
 from carstage.tags import TAGS_0_9_14, server_release
 from carstage.validation.checks.findings import Findings
 from carstage.validation.checks.labels import LabelTables
@@ -46,7 +47,7 @@ def check_tracks(episode: Episode, tables: LabelTables, findings: Findings) -> N
     _check_constant(tables.objects, findings)
     _check_parents(tables.objects, findings)
     _check_classes(episode, tables.objects, findings)
-    _check_lights(tables.objects, findings)
+    _check_lights(episode.spec, tables.objects, findings)
     if episode.spec.save_every == 1 and episode.spec.timing.synchronous:
         actors = tables.objects.filter(~may_come_back(tables.objects))
         _check_rates("objects.parquet", actors, ("actor_location", "actor_rotation_deg"), findings)
@@ -122,7 +123,7 @@ def _check_classes(episode: Episode, objects: pa.Table, findings: Findings) -> N
     same.rows("class", differs, seen_by_class, base)
 
 
-def _check_lights(objects: pa.Table, findings: Findings) -> None:
+def _check_lights(spec: EpisodeSpec, objects: pa.Table, findings: Findings) -> None:
     """Heads of one traffic light agree, and turn in the order of a traffic light."""
     lit = [i for i, s in enumerate(entries(objects, "traffic_light_state")) if s is not None]
     lights = rows_at(objects, lit).sort_by([("track_id", "ascending"), ("k", "ascending")])
@@ -138,6 +139,8 @@ def _check_lights(objects: pa.Table, findings: Findings) -> None:
     same = Recomputed("lights", "objects.parquet", lights, findings)
     apart = [state != other for state, other in zip(states, usual, strict=True)]
     same.rows("traffic_light_state", np.array(apart, dtype=np.bool_), states, usual)
+    if not _shows_whole_cycles(spec):
+        return
     jumps = [
         i > 0
         and (tracks[i - 1], ks[i - 1]) == (tracks[i], ks[i] - 1)
@@ -146,6 +149,17 @@ def _check_lights(objects: pa.Table, findings: Findings) -> None:
     ]
     after = [f"what follows {states[i - 1]}" for i in range(len(states))]
     same.rows("traffic_light_state", np.array(jumps, dtype=np.bool_), states, after)
+
+
+def _shows_whole_cycles(spec: EpisodeSpec) -> bool:
+    """Whether the server alone turns the lights, and no step between two frames is left out."""
+    scenario = spec.scenario
+    return (
+        spec.save_every == 1
+        and spec.timing.synchronous
+        and not isinstance(scenario, (ScenicSpec, OpenScenarioSpec, RecordedSpec))
+        and not any(event.sets_lights for event in scenario.events or ())
+    )
 
 
 def _check_rates(name: str, table: pa.Table, columns: tuple[str, str], findings: Findings) -> None:

@@ -68,8 +68,7 @@ def camera_labels(frame: Frame, camera_id: str, options: ExportOptions) -> Itera
     hold the rider too.
     """
     wanted = options.chosen_classes
-    alone = RIDER in wanted and options.boxes == "modal"
-    riders = riders_by_vehicle(frame, camera_id) if alone else {}
+    riders = riders_by_vehicle(frame, camera_id) if RIDER in wanted else {}
     for seen in sorted(frame.camera_objects.get(camera_id, ()), key=_track_id):
         row = frame.object(seen["track_id"])
         if row is None or row["class"] not in wanted or not _has_target(row, options):

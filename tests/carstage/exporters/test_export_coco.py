@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from carstage.dataset import Dataset
-from carstage.exporters import export_dataset
+from carstage.annotation.rle import encode_mask
+from carstage.dataset import Dataset, Episode, Frame, decode_mask
+from carstage.exporters import ExportOptions, export_dataset
+from carstage.exporters.labels import camera_labels
 from carstage.tags import TAGS_0_9_14
 from devkits import coco_marks
 
@@ -96,3 +99,35 @@ def test_cameras_beside_the_ego_show_it_as_one_of_the_cars(watched, tmp_path: Pa
     shown = [a for a in document["annotations"] if a["track_id"] == ego]
     assert [cameras[annotation["image_id"]] for annotation in shown] == ["CAM_FRONT"] * 2
     assert all(annotation["area"] > 0 for annotation in shown)
+
+
+def test_amodal_boxes_leave_the_mask_of_a_two_wheeler_without_its_rider() -> None:
+    def seen(track_id: int, height: int) -> dict[str, Any]:
+        mask = encode_mask(np.ones((height, 10), np.bool_), 10, 5, 40, 30)
+        box = [10.0, 5.0, 20.0, 5.0 + height]
+        return {
+            "track_id": track_id, "visible": True, "distance": 5.0, "mask_modal": mask,
+            "bbox_modal": box, "bbox_amodal": box, "visible_px": 10 * height,
+        }  # fmt: skip
+
+    objects = {
+        7: {"class": "motorcycle", "num_lidar_points": []},
+        8: {"class": "rider", "num_lidar_points": [], "parent_track_id": 7},
+    }
+    camera = SimpleNamespace(calibration=SimpleNamespace(width=40, height=30))
+    frame = Frame(
+        episode=cast(Episode, SimpleNamespace(sensor=lambda camera_id: camera)),
+        k=0,
+        timestamp_s=0.0,
+        objects=objects,
+        camera_objects={"CAM": [seen(7, 20), seen(8, 12)]},
+        ego=None,
+        sensor_poses={},
+        available=frozenset(),
+    )
+    options = ExportOptions(classes=("motorcycle", "rider"), boxes="amodal")
+    vehicle, rider = camera_labels(frame, "CAM", options)
+    assert vehicle.box == (10.0, 5.0, 20.0, 25.0)
+    masks = [decode_mask(label.seen["mask_modal"], 30, 40) for label in (vehicle, rider)]
+    assert [mask.sum() for mask in masks] == [80, 120]
+    assert not (masks[0] & masks[1]).any()

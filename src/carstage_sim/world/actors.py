@@ -58,7 +58,7 @@ class Actor:
     """A live or lately destroyed actor.
 
     Attributes:
-        actor_id: > 0, ascending in the order of spawning.
+        actor_id: > 0.
         type_id: blueprint id; clients choose the actor's class by it.
         attributes: all attributes of the blueprint with the values that the client set.
         box_center, box_extent: bounding box in the actor's frame, half sizes, metres.
@@ -194,12 +194,15 @@ class ActorTable:
         self.rotation_deg[row] = pose.rotation_deg
 
     def add(self, actor: Actor, pose: Pose) -> None:
-        """Append an actor; its id is above all others."""
-        self._actors[actor.actor_id] = actor
+        """Insert an actor before those of higher ids."""
+        row = int(np.searchsorted(self.actor_id, actor.actor_id))
+        actors = list(self._actors.values())
+        actors.insert(row, actor)
+        self._actors = {one.actor_id: one for one in actors}
         for name in ("velocity", "angular_velocity_deg", "acceleration"):
-            setattr(self, name, np.vstack([getattr(self, name), ZERO]))
-        self.location = np.vstack([self.location, pose.location])
-        self.rotation_deg = np.vstack([self.rotation_deg, pose.rotation_deg])
+            setattr(self, name, np.insert(getattr(self, name), row, ZERO, axis=0))
+        self.location = np.insert(self.location, row, pose.location, axis=0)
+        self.rotation_deg = np.insert(self.rotation_deg, row, pose.rotation_deg, axis=0)
         self._reindex()
 
     def remove(self, actor_id: int) -> Actor:

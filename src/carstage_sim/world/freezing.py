@@ -139,7 +139,7 @@ def _posed_figures(world: World) -> dict[int, Joints]:
 
 def _vehicle_columns(world: World) -> VehicleColumns:
     table, fleet = world.actors, world.fleet
-    # The fleet's rows are in the order of spawning, which is the table's order too.
+    # The rows of the fleet ascend by id, as the table's do.
     rows = table.rows_of_kind(ActorKind.VEHICLE)
     light = _governing_lights(world)
     ids = np.array([*world.light_ids, 0], np.uint32)  # index -1 finds the last: no light

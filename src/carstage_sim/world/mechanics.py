@@ -102,7 +102,7 @@ class Mechanics:
             others=solids.others,
             before_substep=before_substep,
         )
-        # The fleet's rows are in the order of spawning, which is the table's order too.
+        # The rows of the fleet ascend by id, as the table's do.
         rows = table.rows_of_kind(ActorKind.VEHICLE)
         table.location[rows] = fleet.location
         table.rotation_deg[rows] = fleet.rotation_deg
@@ -136,9 +136,7 @@ class Mechanics:
         table = self._table
         for prop_id, speed in list(self._falling.items()):
             prop = table.get(prop_id)
-            if prop is None:
-                del self._falling[prop_id]
-            elif prop.gravity and prop.parent_id not in table:
+            if prop is not None and prop.gravity and prop.parent_id not in table:
                 row = table.row(prop_id)
                 low_m = prop.box_center[2] - prop.box_extent[2]
                 bottom = table.location[row] + [0.0, 0.0, low_m]

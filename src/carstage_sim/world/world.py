@@ -175,6 +175,13 @@ class World:
         self._next_actor_id += 1
         return self._next_actor_id - 1
 
+    def _id_for(self, wanted_id: int) -> int:
+        """The wanted id where it is free, as CARLA's ``ActorRegistry`` gives it, else a new one."""
+        if wanted_id <= 0 or wanted_id in self.actors:
+            return self._new_id()
+        self._next_actor_id = max(self._next_actor_id, wanted_id + 1)
+        return wanted_id
+
     def _add(self, actor: Actor, pose: Pose) -> None:
         self.actors.add(actor, pose)
         self._dead.pop(actor.actor_id, None)
@@ -237,8 +244,8 @@ class World:
             pose: in the world, or in the parent's frame when there is a parent.
             parent_id: actor to attach it to; 0 for none.
             attachment: how it follows its parent.
-            wanted_id: id that a recording knows it by, taken if it is above all that were given
-                out; such an actor may be where others are.
+            wanted_id: id that a recording knows it by, taken if no living actor has it; such an
+                actor may be where others are.
 
         Raises:
             SpawnError: no such blueprint, parent or socket, or something is in the way.
@@ -261,10 +268,9 @@ class World:
             raise SpawnError(COLLISION_TEXT)
         if self._before_spawn is not None:
             self._before_spawn(type_id, merged)
-        self._next_actor_id = max(self._next_actor_id, wanted_id)
         arm, relative = arm_for(attachment, pose) if parent_id else (None, Pose())
         actor = Actor(
-            actor_id=self._new_id(),
+            actor_id=self._id_for(wanted_id),
             type_id=type_id,
             kind=blueprint.kind,
             attributes=merged,
@@ -301,6 +307,8 @@ class World:
         self.actors.remove(actor_id)
         if actor.vehicle is not None:
             self.fleet.remove(actor_id)
+        self._mechanics.let_fall(actor_id, falls=False)
+        self._dying.pop(actor_id, None)
         self._remember(actor)
         self._attachments = None
         orphans = [one.actor_id for one in self.actors if one.parent_id == actor_id]
@@ -324,7 +332,6 @@ class World:
         """Take out the walkers that have lain long enough."""
         ends = self.elapsed_s + 1e-6  # time is a sum of steps
         for actor_id in [one for one, end_s in self._dying.items() if end_s <= ends]:
-            del self._dying[actor_id]
             self.destroy(actor_id)
 
     # Commands ------------------------------------------------------------------------------------

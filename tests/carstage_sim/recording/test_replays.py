@@ -22,6 +22,7 @@ from carstage_sim.world.state import ActorKind, Weather
 from carstage_sim.world.world import World
 
 CAR = "vehicle.tesla.model3"
+TRUCK = "vehicle.carlamotors.firetruck"
 WALKER = "walker.pedestrian.0001"
 DELTA_S = 0.05
 
@@ -161,6 +162,38 @@ def test_negative_start_counts_from_the_end_and_a_duration_ends_the_replay(
     np.testing.assert_allclose(
         again.state.location[cars], recorded[30].state.location[cars], atol=0.01
     )
+
+
+def test_replays_in_the_session_of_the_recording_give_the_recorded_ids_back(
+    new_world: Callable[[], World], recorder: RecorderController, stage01: Town
+) -> None:
+    world = new_world()
+    _, walker = populate(world)
+    recorder.start("drive.log", world, additional_data=True)
+    recorded = drive(world, recorder, 20)
+    recorder.stop()
+    cars = [car.actor_id for car in world.actors.of_kind(ActorKind.VEHICLE)]
+    world.kill_walker(walker)
+    for actor_id in (*cars, walker):
+        world.destroy(actor_id)
+    bystander = world.spawn(TRUCK, {}, place(stage01, 20)).actor_id
+    for _ in range(2):
+        recorder.replay("drive.log", world, ReplayOptions())
+        again = [tick(world, recorder) for _ in recorded[1:]][-1]
+        ids = again.state.actor_id
+        assert ids[again.vehicles.rows].tolist() == [*cars, bystander]
+        assert ids[again.walkers.rows].tolist() == [walker]
+        assert ids.tolist() == sorted(ids.tolist())
+        played = np.isin(ids, [*cars, walker])
+        moving = rows_of(recorded[-1], ActorKind.VEHICLE, ActorKind.WALKER)
+        apart = again.state.location[played] - recorded[-1].state.location[moving]
+        assert np.abs(apart).max() < 0.01
+    bystander_pose = world.actors.pose(bystander)
+    np.testing.assert_allclose(bystander_pose.location, place(stage01, 20).location, atol=0.5)
+    for _ in range(220):  # the walker that was killed had ten seconds left
+        world.tick(DELTA_S)
+    assert walker in world.actors
+    assert world.spawn(CAR, {}, place(stage01, 30)).actor_id == bystander + 1
 
 
 def test_actors_whose_ids_are_taken_are_mapped_to_new_ones(

@@ -64,7 +64,7 @@ class VehicleFleet:
 
     @property
     def ids(self) -> NDArray[np.uint32]:
-        """``(N,)`` actor ids in row order, the order of :meth:`add`."""
+        """``(N,)`` actor ids, ascending: the order of the rows."""
         return self._rows.ids
 
     @property
@@ -188,8 +188,8 @@ class VehicleFleet:
             "constant_velocity": np.full(3, np.nan),
             **parameter_values(parameters),
         }
-        self._rows.append(values)
-        self._row_of[actor_id] = len(self._row_of)
+        self._rows.insert(int(np.searchsorted(self.ids, actor_id)), values)
+        self._reindex()
         self.set_grip()
 
     def remove(self, actor_id: int) -> None:
@@ -200,6 +200,9 @@ class VehicleFleet:
         """
         self._rows.delete(self.row(actor_id))
         self._commanded.pop(actor_id, None)
+        self._reindex()
+
+    def _reindex(self) -> None:
         self._row_of = {int(i): index for index, i in enumerate(self._rows.ids)}
 
     def see_signs(self, limit_kmh: NDArray[np.float32], posted_kmh: NDArray[np.float32]) -> None:

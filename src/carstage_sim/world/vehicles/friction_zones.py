@@ -31,11 +31,11 @@ def zone_friction(
 ) -> FloatArray:
     """Tyre friction that triggers impose on vehicles, ``(N,)``; NaN outside all of them.
 
-    Where triggers overlap the one that was spawned last counts. CARLA sets 3.5 when a vehicle
+    Where triggers overlap the one of the highest id counts. CARLA sets 3.5 when a vehicle
     leaves a trigger; here it has its own tyres again.
 
     Args:
-        triggers: in the order of spawning.
+        triggers: ascending ids.
         table: the live actors.
         center, half_size, yaw_rad: boxes of the vehicles, ``(N, 3)``, ``(N, 2)``, ``(N,)``.
     """

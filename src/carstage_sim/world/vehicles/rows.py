@@ -102,14 +102,12 @@ class VehicleRows:
     shift_time: FloatArray
     auto_box: BoolArray
 
-    def append(self, values: Mapping[str, ArrayLike]) -> None:
-        """Adds a row; columns without a value get zero."""
+    def insert(self, row: int, values: Mapping[str, ArrayLike]) -> None:
+        """Adds a row before another; columns without a value get zero."""
         for field in fields(self):
             column = getattr(self, field.name)
-            row = np.zeros((1, *column.shape[1:]), dtype=column.dtype)
-            if field.name in values:
-                row[0] = values[field.name]
-            setattr(self, field.name, np.concatenate([column, row]))
+            value = values.get(field.name, 0)
+            setattr(self, field.name, np.insert(column, row, value, axis=0))
 
     def delete(self, row: int) -> None:
         """Removes a row; those after it move up."""

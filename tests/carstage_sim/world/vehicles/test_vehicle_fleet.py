@@ -291,12 +291,13 @@ def test_constant_velocity_ignores_the_pedals_until_it_ends() -> None:
     np.testing.assert_array_equal(fleet.velocity[0], 0.0)
 
 
-def test_rows_follow_removal_and_unknown_or_double_ids_are_refused() -> None:
+def test_rows_ascend_by_id_and_unknown_or_double_ids_are_refused() -> None:
     fleet = VehicleFleet()
     for actor_id in (30, 10, 20):
         fleet.add(actor_id, parameters(), (actor_id, 0.0, 0.0), (0.0, 0.0, 0.0))
+    assert fleet.location[:, 0].tolist() == [10.0, 20.0, 30.0]
     fleet.remove(10)
-    assert fleet.ids.tolist() == [30, 20]
+    assert fleet.ids.tolist() == [20, 30]
     assert fleet.location[fleet.row(20), 0] == 20.0
     with pytest.raises(KeyError):
         fleet.row(10)

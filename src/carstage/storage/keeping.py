@@ -113,5 +113,5 @@ def _remove_remote(place: RemotePath) -> list[str]:
     for names in ((_FIRST,), (*_PARTS, *_FILES, _REPORT), (_LAST,)):
         with suppress(FileNotFoundError):
             files.delete([key for key in keys if parts[key] in names])
-    forget_copies()
+    forget_copies(str(place))
     return sorted(set(parts.values()) - {_FIRST, *_PARTS, *_FILES, _REPORT, _LAST})

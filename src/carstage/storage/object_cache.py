@@ -34,13 +34,12 @@ def open_copy(path: RemotePath, files: RemoteFiles, most_bytes: int) -> int:
 
     It is open before others may push the copy out of the cache.
     """
-    folder = cache_folder() / "objects"
     version = ""
     if not path.key.startswith(_UNCHANGING):
         found = files.stat(path.key)
         version = f"{found.st_size} {found.st_mtime}"
     name = blake3(f"{path.root}\n{path.key}\n{version}".encode()).hexdigest()
-    copy = folder / name[:2] / name
+    copy = _folder_of(path.root) / name
     with suppress(FileNotFoundError):
         os.utime(copy)  # what was used longest ago goes first
         return os.open(copy, os.O_RDONLY | os.O_CLOEXEC)
@@ -52,13 +51,23 @@ def open_copy(path: RemotePath, files: RemoteFiles, most_bytes: int) -> int:
         temporary.replace(copy)
     finally:
         temporary.unlink(missing_ok=True)
-    _bound(folder, os.fstat(descriptor).st_size)
+    _bound(cache_folder() / "objects", os.fstat(descriptor).st_size)
     return descriptor
 
 
-def forget_copies() -> None:
-    """Remove all copies: a dataset was removed, and its names may come again with other data."""
-    shutil.rmtree(cache_folder() / "objects", ignore_errors=True)
+def forget_copies(root: str) -> None:
+    """Remove the copies of a dataset that was removed: its names may come again with other data.
+
+    Those of others stay: somebody may be writing one.
+
+    Args:
+        root: address of the dataset.
+    """
+    shutil.rmtree(_folder_of(root), ignore_errors=True)
+
+
+def _folder_of(root: str) -> Path:
+    return cache_folder() / "objects" / blake3(root.encode()).hexdigest(8)
 
 
 def cache_bytes() -> int:

@@ -38,8 +38,8 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "objects"
 
 
-def read(key: str, objects: Any) -> bytes:
-    descriptor = object_cache.open_copy(RemotePath("s3://bucket/x", key), objects, 1 << 20)
+def read(key: str, objects: Any, root: str = "s3://bucket/x") -> bytes:
+    descriptor = object_cache.open_copy(RemotePath(root, key), objects, 1 << 20)
     with os.fdopen(descriptor, "rb") as file:
         return file.read()
 
@@ -48,6 +48,16 @@ def test_a_file_of_an_episode_is_fetched_once(cache: Path) -> None:
     objects = Objects(episodes__e__a1__f=b"abc")
     assert [read("episodes/e/a1/f", objects) for _ in range(3)] == [b"abc"] * 3
     assert objects.reads == 1
+
+
+def test_copies_of_a_removed_dataset_are_forgotten_and_those_of_others_are_not(cache: Path) -> None:
+    objects = Objects(episodes__e=b"abc")
+    for root in ("s3://bucket/x", "s3://bucket/y"):
+        assert read("episodes/e", objects, root) == b"abc"
+    objects.contents["episodes/e"] = b"new"
+    object_cache.forget_copies("s3://bucket/x")
+    assert read("episodes/e", objects, "s3://bucket/x") == b"new"
+    assert read("episodes/e", objects, "s3://bucket/y") == b"abc"
 
 
 def test_what_may_change_is_fetched_again_once_it_has(cache: Path) -> None:

@@ -43,14 +43,17 @@ def open_site(root: Path, **settings: Any) -> TestClient:
 class FakeRun:
     """A folder as a run leaves it, and, for one that lives, a process that does nothing."""
 
-    def __init__(self, out: Path, run_id: str, config: dict[str, Any]) -> None:
+    def __init__(
+        self, out: Path, run_id: str, config: dict[str, Any], *, minds_signals: bool = True
+    ) -> None:
         self.folder = out / "runs" / run_id
         self.folder.mkdir(parents=True)
         (out / "commits").mkdir(exist_ok=True)
         description = {"format_version": 1, "name": "fake", "created_by": "a test", "tags": []}
         (out / "dataset.json").write_text(json.dumps(description))
         # A shell may have started the tests with SIGINT ignored, which children inherit.
-        program = "import signal, time; signal.signal(signal.SIGINT, signal.SIG_DFL)"
+        handler = "SIG_DFL" if minds_signals else "SIG_IGN"
+        program = f"import signal, time; signal.signal(signal.SIGINT, signal.{handler})"
         self.process = subprocess.Popen([sys.executable, "-c", f"{program}; time.sleep(600)"])
         self._status = {
             "format_version": 1,

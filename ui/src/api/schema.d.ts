@@ -2608,6 +2608,18 @@ export interface components {
             work?: string | null;
         };
         /**
+         * RunStop
+         * @description A wish that a run ends.
+         *
+         *     Attributes:
+         *         seen: ``stop`` of the run as the user saw it; when it was asked to stop since then, nothing
+         *             is done. Left out: what is asked for is meant.
+         */
+        RunStop: {
+            /** Seen */
+            seen?: number | null;
+        };
+        /**
          * RunSummary
          * @description One run.
          *
@@ -4781,7 +4793,11 @@ export interface operations {
             };
             cookie?: never;
         };
-        requestBody?: never;
+        requestBody?: {
+            content: {
+                "application/json": components["schemas"]["RunStop"] | null;
+            };
+        };
         responses: {
             /** @description Successful Response */
             200: {

@@ -12,9 +12,10 @@ export function RunHead({ run }: { run: RunSummary }) {
   const [error, setError] = useState("");
   const { text, tone } = stateOf(run);
   const asked = run.stop ?? 0;
-  const stop = () => {
+  const stop = (clicks: number) => {
+    if (clicks > 1) return; // a double click is one press: the second would end the run at once
     setError("");
-    post(`/runs/${run.run_id}/stop`).catch((failure: unknown) => setError(sentence(failure)));
+    post(`/runs/${run.run_id}/stop`, { seen: asked }).catch((failure: unknown) => setError(sentence(failure)));
   };
   return (
     <header className="page-head">
@@ -37,7 +38,7 @@ export function RunHead({ run }: { run: RunSummary }) {
           type="button"
           className="button danger"
           title={asked > 0 ? "Ends it at once; the episode under way is lost" : "Finishes the frame; what is committed stays"}
-          onClick={stop}
+          onClick={(event) => stop(event.detail)}
         >
           <Icon name="stop" /> {run.alive === "queued" ? "Take out" : asked > 0 ? "Stop at once" : "Stop"}
         </button>

@@ -55,6 +55,17 @@ class RunAgain(Message):
     dataset: Place | None = None
 
 
+class RunStop(Message):
+    """A wish that a run ends.
+
+    Attributes:
+        seen: ``stop`` of the run as the user saw it; when it was asked to stop since then, nothing
+            is done. Left out: what is asked for is meant.
+    """
+
+    seen: int | None = None
+
+
 class RunChange(Message):
     """A new name for a run."""
 

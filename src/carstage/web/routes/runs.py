@@ -14,6 +14,7 @@ from carstage.web.messages import (
     RunDetail,
     RunList,
     RunStart,
+    RunStop,
     RunSummary,
 )
 from carstage.web.messages.base import RunId
@@ -54,12 +55,12 @@ def comparison(run: Compared, services: Access) -> RunComparison:
 
 
 @router.post("/runs/{run_id}/stop", responses=BUSY)
-def stop(run_id: RunId, services: Access) -> RunSummary:
+def stop(run_id: RunId, services: Access, request: RunStop | None = None) -> RunSummary:
     """Stop: the first time the frame is finished, the second time it ends at once.
 
     A queued run leaves the queue.
     """
-    return services.runs.stop(run_id)
+    return services.runs.stop(run_id, None if request is None else request.seen)
 
 
 @router.post("/runs/{run_id}/again", status_code=201, responses=BUSY)

@@ -72,6 +72,7 @@ class RunService:
         self._followers: dict[str, RunFollower] = {}
         self._folders: dict[str, Path] = {}
         self._progress: dict[str, float] = {}
+        self._stops: dict[str, int] = {}  # of runs that were not asked for here
 
     def summaries(self) -> list[RunSummary]:
         """All runs: queued ones in their order, then the others, newest first."""
@@ -224,6 +225,7 @@ class RunService:
             self._followers.pop(run_id, None)
             self._folders.pop(run_id, None)
             self._progress.pop(run_id, None)
+            self._stops.pop(run_id, None)
 
     def forget(self, place: DatasetPath) -> None:
         """Forget the runs into a dataset that is gone."""
@@ -335,8 +337,13 @@ class RunService:
             hint = "Record it all the same, or name another folder."
             raise WebError(409, error.message, hint, code="other_settings") from error
 
-    def stop(self, run_id: str) -> RunSummary:
+    def stop(self, run_id: str, seen: int | None = None) -> RunSummary:
         """Ask a run to stop; a second time ends it at once, a queued one leaves the queue.
+
+        Args:
+            run_id: which run.
+            seen: how often it had been asked as far as who asks knows. When it has been asked since
+                then, nothing is done: nobody meant to end it at once. None: whoever asks means it.
 
         Raises:
             WebError: there is no such run, or it has ended.
@@ -345,12 +352,16 @@ class RunService:
             run = self.summary(run_id)
             if run.alive == "ended":
                 raise WebError(409, "The run has ended.", "Nothing is to be done.")
+            if seen is not None and seen < run.stop:
+                return run
             if run.state != "queued":
                 status = self._status(run_id)
                 try:
                     ask_to_stop(status)
                 except StopError as error:
                     raise WebError(409, error.message, error.hint) from error
+            if self._launches.get(run_id) is None:
+                self._stops[run_id] = run.stop + 1
             self._launches.stop_asked(run_id)
         self.advance()
         run = run.model_copy(update={"stop": run.stop + 1})
@@ -494,8 +505,10 @@ class RunService:
                 if follower is not None:
                     follower.read()
                     rate, retried = follower.rate_ticks_s(), dict(follower.retried)
+            launch = self._launches.get(record.run_id)
             seen = Seen(
-                launch=self._launches.get(record.run_id),
+                launch=launch,
+                stop=launch.stop if launch else self._stops.get(record.run_id, 0),
                 rate_ticks_s=rate,
                 free_bytes=shutil.disk_usage(record.folder).free,
                 retried=retried,

@@ -61,6 +61,7 @@ class Seen:
 
     Attributes:
         launch: how it was asked for; None: by somebody else.
+        stop: how often it was asked to stop.
         rate_ticks_s: steps per second lately.
         free_bytes: free space where it writes.
         retried: why episodes were begun once more, by id.
@@ -68,6 +69,7 @@ class Seen:
     """
 
     launch: Launch | None
+    stop: int
     rate_ticks_s: float | None
     free_bytes: int
     retried: Mapping[str, str]
@@ -95,7 +97,7 @@ def summary_of_record(record: RunRecord, seen: Seen) -> RunSummary:
         name=record.label() or (str(plan.config.get("name", "")) if plan else "") or _named(launch),
         state=state if state in _STATES else "failed",  # type: ignore[arg-type]
         alive=record.alive,
-        stop=launch.stop if launch else 0,
+        stop=seen.stop,
         episodes=counts,
         current=current,
         message=_shortened(status.get("message")),

@@ -485,6 +485,23 @@ def test_what_is_not_there_is_said_and_never_loads_for_ever(
         expect(content).not_to_contain_text("Loading")
 
 
+def test_a_double_click_on_stop_asks_once(
+    open_page: OpenPage, runs: dict[str, FakeRun], gui: Gui
+) -> None:
+    """The run minds no signal, so that it goes on; the second one would end it at once."""
+    run = FakeRun(gui.datasets / "long", "20260102-000001-abcdef", {}, minds_signals=False)
+    try:
+        page = open_page(at(run))
+        page.get_by_role("button", name="Stop").dblclick()
+        expect(page.get_by_role("button", name="Stop at once")).to_be_visible()
+        page.wait_for_timeout(1500)  # a second press would be told of by now
+        assert page.evaluate(RUN_OF_PAGE)["run"]["stop"] == 1
+        page.get_by_role("button", name="Stop at once").click()
+        wait_until(page, f"{RUN_OF_PAGE}.then((a) => a.run.stop === 2)")
+    finally:
+        run.end()
+
+
 def test_the_shortcuts_are_listed(open_page: OpenPage) -> None:
     page = open_page("#/runs")
     page.get_by_role("heading", level=1).wait_for()

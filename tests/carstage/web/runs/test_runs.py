@@ -202,6 +202,26 @@ def test_runs_that_others_have_started_are_shown_and_stopped(
         assert client.post(f"/api/runs/{run.run_id}/stop").status_code == 409
 
 
+def test_a_press_of_who_has_not_seen_the_one_before_ends_no_run_at_once(
+    tmp_path: Path, demo: dict[str, Any], queueing: TestClient, started: list[Any]
+) -> None:
+    asked = FakeRun(tmp_path / "other", "20260101-000000-abcdef", demo)
+    own = begin(queueing, {**demo, "server": {"kind": "remote", "port": 2100}}, "a")
+    await_that(lambda: states(queueing)[own] == "recording/running")
+    signals: list[int] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("carstage.runs.launching.os.kill", lambda pid, _: signals.append(pid))
+        for run_id, pid in ((own, started[0].pid), (asked.folder.name, asked.process.pid)):
+            signals.clear()
+            for seen, stop, sent in ((0, 1, 1), (0, 1, 1), (1, 2, 2), (1, 2, 2)):
+                answer = queueing.post(f"/api/runs/{run_id}/stop", json={"seen": seen})
+                assert answer.json()["stop"] == stop
+                assert signals == [pid] * sent
+            (run,) = (run for run in runs(queueing) if run.run_id == run_id)
+            assert run.stop == 2
+    asked.end()
+
+
 def test_a_run_that_says_nothing_is_stalled_and_one_without_process_dead(
     tmp_path: Path, fake_run: FakeRun
 ) -> None:

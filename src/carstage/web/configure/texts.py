@@ -45,14 +45,15 @@ class ConfigTexts:
             document = _read_yaml(request.text)
         else:
             base = self._store.state().config if request.base is None else request.base
+            others = _without_ids(base)
             if request.format == "calibration":
                 read = read_calibration(request.text)
                 sensors, warnings = read.sensors, read.warnings
                 if not read.is_rig:
-                    sensors = self._joined(base, sensors)
+                    sensors, others = self._joined(base, sensors), base
             else:
                 sensors, warnings = read_sensors(request.text)
-            document = {**base, "rig": {"sensors": sensors}, **_without_ids(base)}
+            document = {**others, "rig": {"sensors": sensors}}
         try:
             config = self._checker.parse(document)
         except ConfigError as error:
@@ -111,7 +112,7 @@ def _read_yaml(text: str) -> Document:
 def _without_ids(base: Document) -> Document:
     """Settings that name sensors by id go back to their defaults: those sensors are gone."""
     labels, conversion = base.get("labels"), base.get("conversion")
-    changed: Document = {}
+    changed = dict(base)
     if isinstance(labels, dict) and labels.get("cameras", "all") != "all":
         changed["labels"] = {**labels, "cameras": "all"}
     if isinstance(conversion, dict) and conversion.get("codecs"):

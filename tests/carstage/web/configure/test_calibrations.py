@@ -20,6 +20,7 @@ from carstage.errors import BadInputError
 from carstage.exporters import ExportOptions, export_dataset
 from carstage.geometry import pose_matrix
 from carstage.web.configure.calibrations import read_calibration
+from sites import Site
 
 KITTI = """\
 P0: 7.215377e+02 0 6.095593e+02 0 0 7.215377e+02 1.728540e+02 0 0 0 1 0
@@ -180,3 +181,27 @@ def test_the_command_prints_a_rig_that_the_configuration_takes(tmp_path: Path) -
     assert ended.exit_code == 0
     config = check_config(yaml.safe_load(ended.stdout))
     assert [sensor.id for sensor in config.sensors] == ["left", "right"]
+
+
+def test_a_camera_that_joins_the_rig_leaves_what_names_the_others(site: Site) -> None:
+    base = site.client.get("/api/schema").json()["demo"]
+    ids = [sensor["id"] for sensor in base["rig"]["sensors"] if sensor["kind"] == "rgb"]
+    named = {
+        **base,
+        "labels": {**base.get("labels", {}), "cameras": ids[:1]},
+        "conversion": {**base.get("conversion", {}), "codecs": {ids[0]: "jpeg"}},
+    }
+
+    def imported(text: str) -> Any:
+        request = {"text": text, "format": "calibration", "base": named}
+        answer = site.client.post("/api/config/import", json=request).json()
+        assert not answer["errors"]
+        return answer["config"]
+
+    joined = imported(yaml.safe_dump(CAMERA_INFO))
+    assert joined["rig"]["sensors"][-1]["id"] == "front_left_"
+    assert joined["labels"]["cameras"] == ids[:1]
+    assert joined["conversion"]["codecs"] == {ids[0]: "jpeg"}
+    other = imported(KITTI)
+    assert other["labels"]["cameras"] == "all"
+    assert other["conversion"]["codecs"] == {}

@@ -23,7 +23,14 @@ _FINE = ("ok", "off")
 _BRAKING_M_S2 = -2.0
 #: Bits of ``carla.VehicleLightState`` that say what a vehicle does; position lights are not among
 #: them.
-_SIGNALS = {8: "brake", 16: "right blinker", 32: "left blinker", 64: "reverse", 256: "special"}
+_SIGNALS = {
+    8: "brake",
+    16: "right blinker",
+    32: "left blinker",
+    64: "reverse",
+    512: "special 1",
+    1024: "special 2",
+}
 Row = dict[str, Any]
 
 

@@ -6,6 +6,7 @@ import shutil
 import zipfile
 from pathlib import Path
 
+import carla
 import numpy as np
 import pytest
 from PIL import Image
@@ -14,6 +15,7 @@ from analytic_dataset import attempt_of, recommit
 from carstage.dataset import Dataset
 from carstage.storage.local import LocalStore
 from carstage.storage.maps import map_name
+from carstage.web.datasets.history import _signals
 from sites import Site, open_site
 
 pytestmark = pytest.mark.xdist_group("web")  # one site for all
@@ -271,3 +273,21 @@ def test_a_dataset_is_sent_with_the_maps_of_its_towns(site: Site, tmp_path: Path
         sent = zipfile.ZipFile(io.BytesIO(client.get("/api/datasets/town/files.zip").content))
     for kind, name in zip(("xodr", "parquet"), named.values(), strict=True):
         assert f"town/{map_name(name, kind)}" in sent.namelist()
+
+
+def test_lights_of_vehicles_are_named_as_carla_has_them() -> None:
+    bits = carla.VehicleLightState
+    named = {
+        bits.Position: None,
+        bits.LowBeam: None,
+        bits.HighBeam: None,
+        bits.Brake: "brake",
+        bits.RightBlinker: "right blinker",
+        bits.LeftBlinker: "left blinker",
+        bits.Reverse: "reverse",
+        bits.Fog: None,
+        bits.Interior: None,
+        bits.Special1: "special 1",
+        bits.Special2: "special 2",
+    }
+    assert {bit: _signals(int(bit)) for bit in named} == named

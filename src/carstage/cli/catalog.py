@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from decimal import Decimal
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -197,6 +200,11 @@ def query(
     wanted = catalogs.PageFilter(town, weather, split, sensor, variant, label)
     read: Mapping[str, Any] = {}
     if index:
+        if not wanted.is_empty:
+            raise BadInputError(
+                "--index asks the tables as they are: filters do not apply to it.",
+                "Write the condition into the SQL, or leave --index out.",
+            )
         opened, _ = _open(dataset, catalog)
         with opened:
             table = catalogs.query_catalog(opened, sql)
@@ -204,14 +212,13 @@ def query(
         answer = _ask_labels(dataset, catalog, sql, wanted)
         table = answer.table
         read = {"files": answer.files, "bytes_read": answer.bytes_read}
-    rows = table.to_pylist()
+    names = _distinct(table.column_names)
+    rows = list(zip(*(column.to_pylist() for column in table.columns), strict=True))
     if json:
-        import json as texts
-
-        plain = texts.loads(texts.dumps(rows, default=str))
-        result_json({"columns": table.column_names, "rows": plain, **read})
+        named = [dict(zip(names, map(_plain, row), strict=True)) for row in rows]
+        result_json({"columns": names, "rows": named, **read})
         return
-    _print_rows(table.column_names, (list(row.values()) for row in rows[:_MOST_ROWS]))
+    _print_rows(names, rows[:_MOST_ROWS])
     if len(rows) > _MOST_ROWS:
         note(f"and {len(rows) - _MOST_ROWS} more rows; --json has all")
     if read.get("bytes_read") is not None:
@@ -355,6 +362,29 @@ def _age_s(text: str) -> float:
 
 def _count(number: int, noun: str) -> str:
     return f"{number} {noun}{'s' * (number != 1)}"
+
+
+def _distinct(names: Sequence[str]) -> list[str]:
+    """Names of columns; of equal ones, as a join gives them, the later ones are numbered."""
+    found: list[str] = []
+    for name in names:
+        numbered = (f"{name}_{number}" for number in itertools.count(1))
+        free = (one for one in numbered if one not in names and one not in found)
+        found.append(name if name not in found else next(free))
+    return found
+
+
+def _plain(value: Any) -> Any:
+    """A value as JSON has it: numbers stay numbers, and what is none there is null."""
+    if isinstance(value, Decimal):
+        return int(value) if value == value.to_integral_value() else float(value)
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {str(key): _plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    return value if value is None or isinstance(value, bool | int | str) else str(value)
 
 
 def _print_rows(names: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:

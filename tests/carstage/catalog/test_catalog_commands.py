@@ -80,6 +80,44 @@ def test_a_query_says_what_it_read(small: Path) -> None:
     assert asked["rows"] == [{"n": 12}]
 
 
+def test_columns_of_one_name_are_told_apart(small: Path) -> None:
+    words = (
+        "SELECT a.k, b.k, a.k, a.class AS k_2 FROM objects a JOIN objects b "
+        "ON a.k = b.k ORDER BY ALL LIMIT 1"
+    )
+    found = json_of("query", small, words)
+    assert found["columns"] == ["k", "k_1", "k_3", "k_2"]
+    (row,) = found["rows"]
+    assert (row["k"], row["k_1"], row["k_3"], row["k_2"]) == (0, 0, 0, "car")
+    assert call("query", small, words).stdout.splitlines()[0].split() == found["columns"]
+
+
+def test_numbers_of_a_query_are_numbers_of_json(small: Path) -> None:
+    words = (
+        "SELECT sum(k) AS whole, 2.50::DECIMAL(5, 2) AS part, 'nan'::DOUBLE AS none, "
+        "['inf'::DOUBLE, 1.5] AS list, {'n': 1::HUGEINT} AS struct, DATE '2026-01-02' AS day "
+        "FROM objects"
+    )
+    done = call("query", small, words, "--json").stdout.splitlines()[-1]
+    assert "NaN" not in done
+    assert "Infinity" not in done
+    (row,) = json.loads(done)["rows"]
+    assert isinstance(row.pop("whole"), int)
+    assert row == {
+        "part": 2.5,
+        "none": None,
+        "list": [None, 1.5],
+        "struct": {"n": 1},
+        "day": "2026-01-02",
+    }
+
+
+def test_the_index_takes_no_filters(small: Path) -> None:
+    call("rebuild", small)
+    words = ("SELECT count(*) FROM episodes", "--index", "--town", "Stage02")
+    assert "filters do not apply" in call("query", small, *words, code=2).stderr
+
+
 def test_left_over_attempts_are_listed_and_removed_on_request(small: Path) -> None:
     add_episode(small, CLEAR, attempt="a2", commit=False)
     add_episode(small, "00000000000000c9", commit=False)

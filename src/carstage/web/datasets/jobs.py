@@ -314,5 +314,5 @@ class JobService:
 
 
 def export_name(found: FoundDataset, request: ExportRequest) -> str:
-    """The name of the folder that an export is made in."""
-    return request.out or f"{found.path.name}-{request.format}"
+    """The name of the folder that an export is made in; the dataset's id has no odd letters."""
+    return request.out or f"{found.dataset.replace('~', '-')}-{request.format}"

@@ -7,6 +7,9 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
+from carstage.web.datasets.jobs import export_name
+from carstage.web.messages import ExportRequest
+from carstage.web.roots import Roots
 from sites import Site, open_site
 from waiting import await_that
 
@@ -73,3 +76,16 @@ def test_a_job_whose_process_is_gone_has_failed(tmp_path: Path) -> None:
         (told,) = client.get("/api/jobs").json()["jobs"]
         assert told["state"] == "failed"
         assert "ended" in told["error"]
+
+
+def test_exports_of_every_folder_get_a_name_of_their_own(tmp_path: Path) -> None:
+    for name in ("a/run1", "b/run1", "müller drives"):
+        (tmp_path / name / "commits").mkdir(parents=True)
+    request = ExportRequest(format="coco")
+    datasets = Roots([tmp_path]).datasets().values()
+    names = {found.shown: export_name(found, request) for found in datasets}
+    assert names["a/run1"] == "a-run1-coco"
+    assert names["b/run1"] == "b-run1-coco"
+    assert names["müller drives"].startswith("m_ller_drives-")
+    for name in names.values():
+        Roots([tmp_path]).exports(name)  # refuses what is no name

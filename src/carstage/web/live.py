@@ -135,6 +135,7 @@ class LiveHub:
         self._clients: set[_Client] = set()
         self._driving = threading.Lock()
         self._loop: asyncio.AbstractEventLoop | None = None
+        self._config_told: ConfigState | None = None
         self._summaries: dict[str, RunSummary] = {}
         self._runs_sent: list[tuple[str, int]] = []
         self._jobs_sent: dict[str, Message] = {}
@@ -143,7 +144,11 @@ class LiveHub:
     def config_changed(self, state: ConfigState) -> None:
         """Send it to all clients; may be called from any thread."""
         if self._loop is not None:
-            self._loop.call_soon_threadsafe(self._broadcast, ConfigMessage(config=state))
+            self._loop.call_soon_threadsafe(self._tell_config, state)
+
+    def _tell_config(self, state: ConfigState) -> None:
+        self._config_told = state
+        self._broadcast(ConfigMessage(config=state))
 
     async def look_on(self) -> None:
         """Look until cancelled."""
@@ -171,7 +176,10 @@ class LiveHub:
             return
         client = _Client(socket)
         await asyncio.to_thread(load)
-        client.post(await asyncio.to_thread(self._snapshot))
+        snapshot, told = await asyncio.to_thread(self._snapshot), self._config_told
+        if told is not None and told.rev > snapshot.config.rev:  # changed while it was made
+            snapshot = snapshot.model_copy(update={"config": told})
+        client.post(snapshot)
         self._clients.add(client)
         self._runs_sent = []  # its list is of before: what went meanwhile must be told
         sender = asyncio.create_task(self._send(client))

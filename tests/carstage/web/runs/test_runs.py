@@ -285,6 +285,35 @@ def test_changes_of_the_configuration_reach_everybody(tmp_path: Path) -> None:
         assert client.get("/api/config").json()["config"]["name"] == "other"
 
 
+def test_a_change_while_a_page_connects_reaches_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with open_site(tmp_path) as client:
+        state = client.get("/api/config").json()
+        change = {"rev": 0, "config": {**state["config"], "name": "other"}, "author": "me"}
+        services: Any = client.app.state.services  # type: ignore[attr-defined]
+        listed = services.jobs.all
+
+        def all_jobs() -> Any:  # the snapshot has taken the configuration before
+            monkeypatch.undo()
+            assert client.put("/api/config", json=change).status_code == 200
+            return listed()
+
+        hub = services.live
+        snapshot = hub._snapshot
+
+        def made() -> Any:
+            monkeypatch.setattr(services.jobs, "all", all_jobs)
+            return snapshot()
+
+        monkeypatch.setattr(hub, "_snapshot", made)
+        with client.websocket_connect(LIVE) as socket:
+            told = socket.receive_json()
+            while told.get("config", {}).get("rev") != 1:
+                told = socket.receive_json()
+            assert told["config"]["config"]["name"] == "other"
+
+
 def test_servers_are_told_apart_by_address() -> None:
     def key(**server: Any) -> str:
         return server_key(check_config({"server": server}))

@@ -198,23 +198,28 @@ class Roots:
 
     def _look(self) -> Iterator[FoundDataset]:
         for number, root in enumerate(self.roots):
-            if not isinstance(root, Path):
-                continue
-            seen = 0
-            level = [root]
-            for _ in range(_DEPTH):
-                below: list[Path] = []
-                for folder in level:
-                    seen += 1
-                    if seen > _MOST_FOLDERS:
-                        return
-                    if _is_dataset(folder):
-                        yield FoundDataset(
-                            dataset_id(folder, root, number), folder, _shown(folder, root)
-                        )
-                    elif folder != root / EXPORTS:
-                        below += _folders(folder)
-                level = below
+            if isinstance(root, Path):
+                for folder in _datasets_below(root):
+                    yield FoundDataset(
+                        dataset_id(folder, root, number), folder, _shown(folder, root)
+                    )
+
+
+def _datasets_below(root: Path) -> Iterator[Path]:
+    """Folders of datasets, as far as a look goes through the folders of a root."""
+    seen = 0
+    level = [root]
+    for _ in range(_DEPTH):
+        below: list[Path] = []
+        for folder in level:
+            seen += 1
+            if seen > _MOST_FOLDERS:
+                return
+            if _is_dataset(folder):
+                yield folder
+            elif folder != root / EXPORTS:
+                below += _folders(folder)
+        level = below
 
 
 def _folders(folder: Path) -> list[Path]:

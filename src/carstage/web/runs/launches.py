@@ -45,6 +45,8 @@ class Launch:
         workers, catalog, work: as ``RunOptions`` has them.
         continues: the run that this one goes on with.
         ended: when its process ended, Unix time; None: it has not, or nobody was there to see it.
+        has_folder: the run's own folder was seen, so that it tells how the run is; without one, the
+            command has ended before it made one.
     """
 
     run_id: str
@@ -62,6 +64,7 @@ class Launch:
     work: str | None = None
     continues: str | None = None
     ended: float | None = None
+    has_folder: bool = False
 
     @property
     def options(self) -> RunOptions:
@@ -167,6 +170,15 @@ class Launches:
             launch = self._launches.get(run_id)
             if launch is not None:
                 self._keep(replace(launch, stop=launch.stop + 1, withdrawn=launch.process is None))
+
+    def folder_seen(self, run_id: str) -> None:
+        """Remember that a run has made its folder."""
+        with self._lock:
+            launch = self._launches.get(run_id)
+            if launch is not None and not launch.has_folder:
+                self._launches[run_id] = replace(launch, has_folder=True)
+                with suppress(OSError):  # a full disk hides no list of runs
+                    self._keep(self._launches[run_id])
 
     def rename(self, run_id: str, name: str) -> None:
         """Show a run by another name."""

@@ -13,7 +13,7 @@ from carstage.runs.folder import SHORT_PLAN_VERSION
 from carstage.runs.keeping import LABEL_FILE, label_of
 from carstage.runs.reading import Alive, liveness, read_document
 from carstage.spec import DeviceDriverSpec, EpisodeSpec
-from carstage.storage.remote_path import DatasetPath, RemotePath
+from carstage.storage.remote_path import DatasetPath
 from carstage.web.messages import DrivenAtPage, RunSensor
 from carstage.web.preview.shown_sensors import shown_sensors
 from carstage.web.roots import Roots
@@ -83,7 +83,7 @@ class RunRecords:
 
     Args:
         roots: where the datasets are.
-        launches: know the work folders of runs that were started here.
+        launches: know where the runs are that were started here.
     """
 
     def __init__(self, roots: Roots, launches: Launches) -> None:
@@ -110,7 +110,7 @@ class RunRecords:
         return _record(record.folder, record.dataset, record.out) or record
 
     def _folders(self) -> Iterator[tuple[Path, str, DatasetPath]]:
-        """Folders of runs, each with its dataset."""
+        """Folders of runs, each with its dataset; that of a launch may not be there."""
         from carstage.runs.preflight import work_folder
 
         for found in self._roots.datasets().values():
@@ -118,8 +118,8 @@ class RunRecords:
             for path in sorted(runs.glob("*/status.json"))[-_MOST_PER_DATASET:]:
                 yield path.parent, found.dataset, found.path
         for launch in self._launches.all():
-            out = launch.place
-            if launch.work is not None or isinstance(out, RemotePath):
+            if launch.process is not None:
+                out = launch.place
                 folder = work_folder(out, launch.work) / "runs" / launch.run_id
                 yield folder, self._roots.id_of(out), out
 

@@ -75,16 +75,20 @@ class RunService:
         self._stops: dict[str, int] = {}  # of runs that were not asked for here
 
     def summaries(self) -> list[RunSummary]:
-        """All runs: queued ones in their order, then the others, newest first."""
+        """All runs: queued ones in their order, then the others, newest first.
+
+        One whose folder is gone with its dataset, or lies in one that was moved away, is left out:
+        nothing tells how it has ended.
+        """
         records = self._records.all()
         queued: list[RunSummary] = []
         begun: list[RunSummary] = []
         for launch in self._launches.all():
-            if launch.run_id in records or launch.withdrawn:
-                continue
-            if launch.queued:
+            if launch.run_id in records:
+                self._launches.folder_seen(launch.run_id)
+            elif launch.queued:
                 queued.append(self._of_launch(launch, len(queued) + 1))
-            else:
+            elif not launch.withdrawn and (not launch.has_folder or self._launches.alive(launch)):
                 begun.append(self._of_launch(launch, 0))
         begun += [self._of_record(record) for record in records.values()]
         return [*queued, *sorted(begun, key=lambda run: run.run_id, reverse=True)]
@@ -233,6 +237,9 @@ class RunService:
         for run in self.summaries():
             if run.dataset == dataset:
                 self.remove(run.run_id)
+        for launch in self._launches.all():  # also those that are left out above
+            if self._roots.id_of(launch.place) == dataset:
+                self._launches.remove(launch.run_id)
 
     def archive(self, run_id: str) -> Iterator[bytes]:
         """A run's own folder as a ZIP archive, without its recordings.

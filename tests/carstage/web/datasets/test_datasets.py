@@ -16,6 +16,7 @@ from carstage.dataset import Dataset
 from carstage.storage.local import LocalStore
 from carstage.storage.maps import map_name
 from carstage.web.datasets.history import _signals
+from carstage.web.roots import Roots
 from sites import Site, open_site
 
 pytestmark = pytest.mark.xdist_group("web")  # one site for all
@@ -273,6 +274,17 @@ def test_a_dataset_is_sent_with_the_maps_of_its_towns(site: Site, tmp_path: Path
         sent = zipfile.ZipFile(io.BytesIO(client.get("/api/datasets/town/files.zip").content))
     for kind, name in zip(("xodr", "parquet"), named.values(), strict=True):
         assert f"town/{map_name(name, kind)}" in sent.namelist()
+
+
+def test_a_root_of_many_folders_hides_no_other_root(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("carstage.web.roots._MOST_FOLDERS", 5)
+    for number in range(10):
+        (tmp_path / "many" / f"folder{number}").mkdir(parents=True)
+    (tmp_path / "other" / "drives" / "commits").mkdir(parents=True)
+    roots = Roots([tmp_path / "many", tmp_path / "other"])
+    assert list(roots.datasets()) == ["drives~r1"]
 
 
 def test_lights_of_vehicles_are_named_as_carla_has_them() -> None:

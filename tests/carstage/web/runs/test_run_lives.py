@@ -351,3 +351,68 @@ def test_a_run_knows_which_episodes_are_its_own(tmp_path: Path, fake_run: FakeRu
         answer = client.get(detail).json()
         assert answer["committed"] == ["e2"]
         assert answer["bytes"] > 0
+
+
+def done_run(client: TestClient, recorders: Recorders, config: dict[str, Any], into: str) -> str:
+    run_id = begin(client, config, into)
+    await_that(recording(client, run_id))
+    recorders.end(run_id, "done")
+    await_that(over(client, run_id))
+    return run_id
+
+
+def test_a_run_whose_dataset_is_moved_away_is_not_told_to_have_failed(
+    client: TestClient, recorders: Recorders, tmp_path: Path, demo: dict[str, Any]
+) -> None:
+    run_id = done_run(client, recorders, demo, "a")
+    (tmp_path / "a").rename(tmp_path / ".away")
+    await_that(lambda: run_id not in runs(client))
+    with open_site(tmp_path) as another:
+        assert run_id not in runs(another)
+        (tmp_path / ".away").rename(tmp_path / "b")
+        await_that(lambda: run_id in runs(another))
+        moved = runs(another)[run_id]
+        assert (moved.state, moved.dataset, moved.resumable) == ("done", "b", False)
+    recorders.refuse = True
+    refused = begin(client, demo, "a")
+    await_that(over(client, refused))
+    assert (runs(client)[refused].state, runs(client)[refused].resumable) == ("failed", True)
+
+
+def test_a_removed_dataset_takes_the_launches_of_runs_that_are_gone_with_it(
+    client: TestClient, recorders: Recorders, tmp_path: Path, demo: dict[str, Any]
+) -> None:
+    first = done_run(client, recorders, demo, "a")
+    (tmp_path / "a" / "runs" / first).rename(tmp_path / ".away")
+    second = done_run(client, recorders, demo, "a")
+    assert runs(client).keys() == {second}
+    launches = tmp_path / ".carstage-gui" / "launches"
+    assert {path.name for path in launches.iterdir()} == {first, second}
+    assert client.delete("/api/datasets/a").status_code < 300
+    assert list(launches.iterdir()) == []
+
+
+def test_each_run_that_was_started_here_is_shown_however_many_others_are_newer(
+    client: TestClient,
+    recorders: Recorders,
+    tmp_path: Path,
+    demo: dict[str, Any],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    first = done_run(client, recorders, demo, "a")
+    monkeypatch.setattr("carstage.web.runs.records._MOST_PER_DATASET", 2)
+    for number in range(3):
+        FakeRun(tmp_path / "a", f"29990101-00000{number}-abcdef", demo).end()
+    shown = runs(client)
+    assert (shown[first].state, shown[first].alive, len(shown)) == ("done", "ended", 3)
+
+
+def test_a_run_into_a_folder_of_a_dataset_is_shown_as_it_is(
+    recorders: Recorders, tmp_path: Path, demo: dict[str, Any]
+) -> None:
+    root = tmp_path / "itself"
+    (root / "commits").mkdir(parents=True)
+    (root / "orders").symlink_to(recorders.orders)
+    with open_site(root) as client:
+        run_id = done_run(client, recorders, demo, "a")
+        assert (runs(client)[run_id].state, runs(client)[run_id].alive) == ("done", "ended")

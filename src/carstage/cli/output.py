@@ -69,11 +69,23 @@ def _drop(stream: Any) -> None:
 
 
 def confirmed(text: str, question: str) -> bool:
-    """Whether the user says yes to a question after a text; False where nobody can be asked."""
+    """Whether the user says yes to a question after a text.
+
+    False where nobody can be asked, or where the input ends instead.
+
+    Raises:
+        KeyboardInterrupt: instead of an answer.
+    """
     if not (sys.stdin and sys.stdin.isatty() and sys.stderr and sys.stderr.isatty()):
         return False
     note(text)
-    return typer.confirm(question, err=True)
+    try:
+        return typer.confirm(question, err=True)
+    except typer.Abort as error:  # which of the two it was stands in its context alone
+        note("")
+        if isinstance(error.__context__, KeyboardInterrupt):
+            raise KeyboardInterrupt from None
+        return False
 
 
 def folder(address: Path | None) -> Path | None:

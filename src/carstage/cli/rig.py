@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from carstage.cli.output import Debug, Json, command, note, result, result_json
+from carstage.errors import BadInputError
 
 rig_app = typer.Typer(help="Rigs out of the calibrations of others.", no_args_is_help=True)
 
@@ -46,9 +47,18 @@ def _text(files: list[Path]) -> str:
     """One text; of several files of JSON an object by file name, of others one after another."""
     import json
 
-    texts = [path.read_text(encoding="utf-8", errors="replace") for path in files]
+    texts = [_read(path) for path in files]
     if len(files) > 1 and all(path.suffix == ".json" for path in files):
         parts = zip(files, texts, strict=True)
         entries = ", ".join(f"{json.dumps(path.name)}: {text}" for path, text in parts)
         return "{" + entries + "}"
     return "\n---\n".join(texts)
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise BadInputError(
+            f"{path} cannot be read: {error.strerror}.", "Name the files of a calibration."
+        ) from error

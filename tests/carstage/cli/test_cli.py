@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import gc
+import io
 import json
 import os
 import pty
@@ -15,9 +16,10 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
+import typer
 from typer.testing import CliRunner, Result
 
-from carstage.cli import unsupported
+from carstage.cli import output, unsupported
 from carstage.cli.app import app, narrowed
 from carstage.cli.doctor import server_setting
 from carstage.cli.loading import loading
@@ -402,7 +404,7 @@ def test_other_settings_do_not_go_into_a_dataset_unasked(
     assert not (dataset_of_others / "leases").exists()
 
 
-@pytest.mark.parametrize("answer", ["n", "y"])
+@pytest.mark.parametrize("answer", ["n\n", "y\n", pytest.param("\x04", id="ctrl-d")])
 def test_on_a_terminal_the_user_is_asked(
     answer: str, config: Path, dataset_of_others: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -418,14 +420,30 @@ def test_on_a_terminal_the_user_is_asked(
         said = b""
         while not said.rstrip().endswith(b"[y/N]:"):
             said += terminal.read(1000)
-        terminal.write(f"{answer}\n".encode())
+        terminal.write(answer.encode())
         with suppress(OSError):  # how a terminal tells that nobody writes any more
             while more := terminal.read(1000):
                 said += more
     assert ended.wait() == 2
     assert b"fps is 10.0, was 20.0" in said
-    assert (b"--append" in said) == (answer == "n")
-    assert (b"Error: map" in said) == (answer == "y")
+    assert (b"--append" in said) == (answer != "y\n")
+    assert (b"Error: map" in said) == (answer == "y\n")
+
+
+def test_ctrl_c_at_a_question_interrupts(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    def pressed(_: str) -> str:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sys, "stdin", Terminal())
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    monkeypatch.setattr(f"{typer.confirm.__module__}.visible_prompt_func", pressed)
+    with pytest.raises(typer.Exit) as ended:
+        output.command(lambda: output.confirmed("All of it goes.", "Remove it?"))()
+    assert ended.value.exit_code == 130
 
 
 #: What is wrong in a configuration, each in another way, and the path that both commands name.

@@ -205,3 +205,9 @@ def test_a_camera_that_joins_the_rig_leaves_what_names_the_others(site: Site) ->
     other = imported(KITTI)
     assert other["labels"]["cameras"] == "all"
     assert other["conversion"]["codecs"] == {}
+
+
+def test_a_file_that_is_not_there_is_bad_input(tmp_path: Path) -> None:
+    ended = CliRunner().invoke(app, ["rig", "import", str(tmp_path / "nothere.yaml")])
+    assert ended.exit_code == 2
+    assert "nothere.yaml cannot be read: No such file" in ended.stderr

@@ -1,8 +1,9 @@
 import { describe, expect, test } from "vitest";
+import type { Json } from "../src/state/json";
 import { bytes, duration } from "../src/ui/format";
 import { axisTicks, thinned } from "../src/ui/LineChart";
 import { groupsOf } from "../src/form/groups";
-import { fieldOf, fits, initial, type SchemaNode } from "../src/form/schema";
+import { alternativeOf, fieldOf, fits, initial, type SchemaNode } from "../src/form/schema";
 import { href, parseRoute, type Route } from "../src/app/routes";
 
 /** A piece of the configuration's schema, with each shape that it has. */
@@ -59,6 +60,14 @@ describe("fields", () => {
     expect(layers?.alternatives?.map(({ kind }) => kind)).toEqual(["const", "list"]);
     expect(fits(layers!.alternatives![0]!, "all")).toBe(true);
     expect(fits(layers!.alternatives![1]!, "all")).toBe(false);
+  });
+  test("a number that is being typed stays one", () => {
+    const percent = fieldOf(schema, {
+      anyOf: [{ type: "number" }, { type: "array", prefixItems: [{ type: "number" }, { type: "number" }] }],
+    });
+    const typed = (value: Json | undefined, before: number) => alternativeOf(percent.alternatives ?? [], value, before);
+    expect([typed(-20, -1), typed("-", 0), typed("", 0)]).toEqual([0, 0, 0]);
+    expect([typed([1, 2], 0), typed(undefined, 0), typed("word", -1)]).toEqual([1, -1, -1]);
   });
   test("kinds of a section begin with what they need", () => {
     const server = field("server");

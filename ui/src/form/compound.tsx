@@ -1,9 +1,10 @@
+import { useState } from "react";
 import type { Json } from "../state/json";
 import { isObject } from "../state/json";
 import { useField, useForm } from "./context";
 import { Control } from "./Control";
 import { FieldFrame } from "./FieldFrame";
-import { fits, initial, type Field } from "./schema";
+import { alternativeOf, initial, type Field } from "./schema";
 import { words, type ControlProps } from "./simple";
 
 /** A section of several settings, folded when it is inside another. */
@@ -69,7 +70,9 @@ export function ChoicesField({ path, field }: ControlProps) {
   const { value, problems, id, set } = useField(path);
   const alternatives = field.alternatives ?? [];
   const given = value === undefined ? field.node.default : value;
-  const index = alternatives.findIndex((one) => fits(one, given));
+  const [before, setBefore] = useState(-1);
+  const index = alternativeOf(alternatives, given, before);
+  if (index !== before) setBefore(index);
   const chosen = alternatives[index];
   const name = (one: Field) =>
     one.kind === "const"

@@ -176,6 +176,15 @@ export function fits(field: Field, value: Json | undefined): boolean {
   }
 }
 
+/**
+ * Which alternative a value is of; -1: none. What is being typed, as `-` or nothing yet, is a text that
+ * none takes: it stays with the one that it is typed into.
+ */
+export function alternativeOf(alternatives: readonly Field[], value: Json | undefined, before: number): number {
+  const index = alternatives.findIndex((one) => fits(one, value));
+  return index < 0 && typeof value === "string" ? before : index;
+}
+
 /** The value that a field begins with. */
 export function initial(field: Field): Json {
   const { node } = field;

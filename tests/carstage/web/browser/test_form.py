@@ -148,3 +148,18 @@ def test_two_pages_share_the_configuration(configure: Page, open_page: OpenPage)
     other.get_by_role("button", name="Take theirs").click()
     expect(field(other, "Seed")).to_have_value("12")
     expect(field(other, "Episodes")).to_have_value("1")
+
+
+def test_a_negative_number_among_alternatives_is_typed_key_by_key(configure: Page) -> None:
+    page = configure
+    search = page.get_by_label("Search the settings")
+    search.fill("speed_difference_percent")
+    try:
+        slower = page.locator("input#field-traffic-speed_difference_percent")
+        slower.fill("")
+        expect(slower).to_have_value("")
+        slower.press_sequentially("-20")
+        expect(slower).to_have_value("-20")
+        assert saved_config(page)["traffic"]["speed_difference_percent"] == -20
+    finally:
+        search.fill("")

@@ -17,11 +17,10 @@ interface Props {
   onFilters(filters: TableFilter[]): void;
 }
 
-/** Conditions that rows must fulfil, all of them. */
+/** Conditions that rows must fulfil, all of them; the server reads what is typed as the column's type. */
 export function FilterRow({ columns, filters, onFilters }: Props) {
   const change = (index: number, part: Partial<TableFilter>) =>
     onFilters(filters.map((filter, i) => (i === index ? { ...filter, ...part } : filter)));
-  const numeric = (name: string) => /int|float|double/.test(columns.find((one) => one.name === name)?.type ?? "");
   const first = columns.find((one) => one.name === "distance" || one.name === "distance_ego") ?? columns[0];
   return (
     <div className="filters" role="group" aria-label="Filters">
@@ -54,7 +53,7 @@ export function FilterRow({ columns, filters, onFilters }: Props) {
             aria-label={`Value of filter ${index + 1}`}
             value={filter.value === null ? "" : String(filter.value)}
             size={10}
-            onChange={({ target }) => change(index, { value: valueOf(target.value, numeric(filter.column)) })}
+            onChange={({ target }) => change(index, { value: target.value })}
           />
           <button
             type="button"
@@ -75,11 +74,4 @@ export function FilterRow({ columns, filters, onFilters }: Props) {
       </button>
     </div>
   );
-}
-
-function valueOf(text: string, numeric: boolean): string | number | boolean {
-  if (numeric && text.trim() !== "" && Number.isFinite(Number(text)) && !text.endsWith(".")) return Number(text);
-  if (text === "true" || text === "yes") return true;
-  if (text === "false" || text === "no") return false;
-  return text;
 }

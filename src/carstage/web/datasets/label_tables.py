@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 _MOST_ROWS = 2_000_000
 _MOST_KEPT = 4
 _LEFT_OUT = frozenset({"mask_modal"})
+_TRUTHS = {"true": True, "yes": True, "false": False, "no": False}
 _COMPARISONS = {
     "eq": "equal",
     "ne": "not_equal",
@@ -243,13 +244,13 @@ def _fits(table: pa.Table, condition: TableFilter) -> Any:
             if pa.types.is_string(column.type):
                 value = str(value)
             elif isinstance(value, str) and pa.types.is_boolean(column.type):
-                value = value.lower() == "true"
+                value = _TRUTHS[value.strip().lower()]
             elif isinstance(value, str):
                 value = float(value)
             if isinstance(value, float) and pa.types.is_integer(column.type):
                 column = pc.cast(column, pa.float64(), safe=False)
             found = pc.call_function(_COMPARISONS[condition.op], [column, pa.scalar(value)])
-    except (pa.ArrowException, ValueError, TypeError) as error:
+    except (pa.ArrowException, KeyError, ValueError, TypeError) as error:
         raise WebError(
             422,
             f"{condition.value!r:.60} cannot be compared with {condition.column}.",

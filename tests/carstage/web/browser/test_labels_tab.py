@@ -100,3 +100,15 @@ def test_at_390_px_the_tab_is_no_wider_than_the_screen(open_page: OpenPage) -> N
     page.locator(".label-table tbody tr").first.wait_for()
     over = "document.querySelector('.content').scrollWidth - document.documentElement.clientWidth"
     assert page.evaluate(over) <= 0
+
+
+def test_what_is_typed_into_a_filter_stays_as_it_is_typed(open_page: OpenPage) -> None:
+    page = open_labels(open_page)
+    page.get_by_role("button", name="Filter").click()
+    value = page.get_by_label("Value of filter 1")
+    for column, text in (("class", "none"), ("class", "truck"), ("distance", "10.50")):
+        page.get_by_label("Column of filter 1").select_option(column)
+        value.fill("")
+        value.press_sequentially(text)
+        expect(value).to_have_value(text)
+    expect(page.locator(".label-table tbody tr").first).to_be_visible()

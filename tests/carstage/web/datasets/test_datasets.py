@@ -171,6 +171,21 @@ def test_tables_are_filtered_sorted_and_cut(site: Site) -> None:
     assert shown == sorted(fitting, reverse=True)[:3]
 
 
+def test_conditions_are_read_as_the_type_of_their_column(site: Site) -> None:
+    url = f"/api/datasets/{site.dataset}/table"
+
+    def total(column: str, op: str, value: object) -> int:
+        request = {"filters": [{"column": column, "op": op, "value": value}]}
+        found: int = site.client.post(url, json=request).json()["total"]
+        return found
+
+    assert 0 < total("visible", "eq", "yes") == total("visible", "eq", True)
+    assert total("visible", "eq", " False") == total("visible", "eq", "no")
+    assert total("visible", "eq", "no") == total("visible", "eq", False)
+    assert 0 < total("distance", "lt", "20.") == total("distance", "lt", 20)
+    assert 0 < total("k", "eq", "1") == total("k", "eq", 1)
+
+
 def test_a_dataset_without_events_has_an_empty_table_of_them(site: Site) -> None:
     url = f"/api/datasets/{site.dataset}/table"
     page = site.client.post(url, json={"table": "events"}).json()
@@ -192,6 +207,7 @@ def test_every_table_has_pages(site: Site, table: str) -> None:
     [
         {"filters": [{"column": "nothing", "op": "eq", "value": 1}]},
         {"filters": [{"column": "distance", "op": "eq", "value": "near"}]},
+        {"filters": [{"column": "visible", "op": "eq", "value": "none"}]},
         {"filters": [{"column": "corners_uv", "op": "lt", "value": 1}]},
         {"sort": "nothing"},
         {"sort": "corners_uv"},

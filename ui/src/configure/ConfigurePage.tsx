@@ -112,11 +112,14 @@ function HistoryButtons() {
   );
 }
 
-/** Ctrl-Z and Ctrl-Shift-Z anywhere on the page, but for text that is being typed. */
+/** Where text is typed that is no setting, and undone by the browser. */
+const OTHER_TEXT = "textarea, dialog, .start-bar, .form-search, input.chip-add";
+
+/** Ctrl-Z and Ctrl-Shift-Z anywhere on the page, but for text that is no setting. */
 function useUndoKeys() {
   useEffect(() => {
     const keys = (event: KeyboardEvent) => {
-      if (!(event.ctrlKey || event.metaKey) || (event.target as HTMLElement).closest("textarea")) return;
+      if (!(event.ctrlKey || event.metaKey) || (event.target as HTMLElement).closest(OTHER_TEXT)) return;
       const key = event.key.toLowerCase();
       if (key === "z") dispatch({ type: event.shiftKey ? "redo" : "undo" });
       else if (key === "y") dispatch({ type: "redo" });

@@ -163,3 +163,15 @@ def test_a_negative_number_among_alternatives_is_typed_key_by_key(configure: Pag
         assert saved_config(page)["traffic"]["speed_difference_percent"] == -20
     finally:
         search.fill("")
+
+
+def test_undo_where_no_setting_is_typed_leaves_the_configuration(configure: Page) -> None:
+    page = configure
+    seed = field(page, "Seed")
+    seed.fill("99")
+    wait_until_saved(page)
+    for name in ("Search the settings", "Dataset folder"):
+        page.get_by_label(name).press("Control+z")
+        expect(seed).to_have_value("99")
+    seed.press("Control+z")
+    expect(seed).to_have_value("7")

@@ -29,6 +29,7 @@ export function RigComparison({ presets, schema }: { presets: SchemaMessage["rig
       select: NOTHING,
       pose: NOTHING,
       endGesture: NOTHING,
+      add: NOTHING,
       arm: NOTHING,
       placeArmed: NOTHING,
       remove: NOTHING,

@@ -3,6 +3,7 @@ import { useAnswer } from "../api/useAnswer";
 import type { RigPreset, SchemaMessage } from "../api/types";
 import { dispatch, edit } from "../state/draft";
 import { getAt, setAt, type JsonObject } from "../state/json";
+import type { Pose } from "./coordinates";
 import type { CoverageChoice } from "./CoverageLayer";
 import { Inspector } from "./Inspector";
 import { mountsOf, type VehicleShape } from "./mounts";
@@ -64,6 +65,11 @@ export function RigEditor({ document, schema }: { document: JsonObject; schema: 
       });
       setSelected(keys);
     };
+    const add = (kind: string, pose: Pose) =>
+      copied((now) => {
+        const [next, key] = withSensor(now, kind, pose);
+        return [next, [key]];
+      });
     return {
       document,
       sensors,
@@ -75,14 +81,12 @@ export function RigEditor({ document, schema }: { document: JsonObject; schema: 
       view: (sensor) => viewOf(sensor, document, schema),
       pose: (keys, how, gesture) => change((now) => withPoses(now, keys, how), gesture),
       endGesture,
+      add,
       armed,
       arm: setArmed,
       placeArmed: (pose, several) => {
         if (armed === null) return;
-        copied((now) => {
-          const [next, key] = withSensor(now, armed, pose);
-          return [next, [key]];
-        });
+        add(armed, pose);
         if (!several) setArmed(null);
       },
       remove: (keys) => {

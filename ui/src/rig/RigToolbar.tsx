@@ -1,13 +1,11 @@
 import { useState } from "react";
 import type { SchemaMessage, SensorKind } from "../api/types";
 import { EditorChoice } from "../scenario/EditorChoice";
-import { edit } from "../state/draft";
 import { useStore } from "../state/store";
 import { Icon } from "../ui/Icon";
 import { Menu } from "../ui/Menu";
 import type { CoverageChoice } from "./CoverageLayer";
 import { colourOf, commonKinds, kindTable, measuring } from "./kinds";
-import { withSensor } from "./sensors";
 import { useRig } from "./useRig";
 
 interface Props {
@@ -33,8 +31,7 @@ export function RigToolbar({ schema, coverage, onCoverage, onPreset }: Props) {
     const bumper = rig.mounts.find(({ name }) => name === "Front bumper")?.pose ?? roof;
     const front = rig.mounts.find(({ name }) => name === "Roof, front")?.pose ?? roof;
     const places = { pyramid: front, cone: bumper, sweep: roof, none: { ...roof, x: 0, z: 0 } };
-    edit((now) => withSensor(now, name, places[field_of_view])[0]);
-    rig.select([String(rig.sensors.length)]); // it is the last one
+    rig.add(name, places[field_of_view]);
   };
   return (
     <header className="panel-head toolbar">

@@ -1,7 +1,6 @@
 import { useEffect, useRef, useState } from "react";
 import { post, postForBlob, sentence } from "../api/client";
 import { isEmbedded } from "../configure/serverFacts";
-import { getAt } from "../state/json";
 import { Icon } from "../ui/Icon";
 import type { RigSensor } from "./sensors";
 import { useRig } from "./useRig";
@@ -18,11 +17,10 @@ export function SensorPreview({ sensor }: { sensor: RigSensor }) {
   const [on, setOn] = useState(false);
   const [picture, setPicture] = useState<string | null>(null);
   const [state, setState] = useState("");
-  const own = sensor.index === null ? null : getAt(rig.document, ["rig", "sensors", sensor.index]);
-  const wanted = JSON.stringify([own, rig.document.map, rig.document.weather, rig.document.ego, rig.document.server]);
+  const wanted = JSON.stringify([sensor.given, rig.document.map, rig.document.weather, rig.document.ego, rig.document.server]);
   const shown = useRef<string | null>(null);
-  const body = useRef({ config: rig.document, sensor: own });
-  body.current = { config: rig.document, sensor: own };
+  const body = useRef({ config: rig.document, sensor: sensor.given });
+  body.current = { config: rig.document, sensor: sensor.given };
 
   const held = useHeldButton();
 

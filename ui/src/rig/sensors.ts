@@ -13,6 +13,8 @@ export interface RigSensor {
   pose: Pose;
   attributes: JsonObject;
   onEgo: boolean;
+  /** As the document or the preset has it. */
+  given: JsonObject;
   /** Place in `rig.sensors`; null: it comes from `rig.preset` and is copied when it is changed. */
   index: number | null;
 }
@@ -47,6 +49,7 @@ function rigSensor(value: Json, index: number | null): Omit<RigSensor, "key"> | 
     pose: poseOf(value.pose),
     attributes: isObject(value.attributes) ? value.attributes : {},
     onEgo: (value.attach_to ?? "ego") === "ego",
+    given: value,
     index,
   };
 }

@@ -19,6 +19,8 @@ export interface Rig {
   /** Move or turn sensors; one gesture is one undo step. */
   pose(keys: readonly string[], change: (pose: Pose, key: string) => Pose, gesture?: string): void;
   endGesture(): void;
+  /** Put a sensor of a kind there, and choose it. */
+  add(kind: string, pose: Pose): void;
   /** The kind that the next press on the car places; null: presses choose. */
   armed: string | null;
   arm(kind: string | null): void;

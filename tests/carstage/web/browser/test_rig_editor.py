@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 import pytest
-from playwright.sync_api import Locator, Page, expect
+from playwright.sync_api import Locator, Page, Route, expect
 
 from browser_pages import field, saved_config, wait_until, wait_until_saved
 
@@ -186,3 +186,41 @@ def test_the_outline_is_the_chosen_vehicle_s(configure: Page) -> None:
     field(page, "Ego vehicle").select_option("vehicle.mitsubishi.fusorosa")
     wait_until_saved(page)
     expect(body).not_to_have_attribute("d", car or "")
+
+
+def test_a_sensor_of_a_preset_is_previewed(configure: Page) -> None:
+    page = configure
+    asked: list[dict[str, Any]] = []
+
+    def preview(route: Route) -> None:
+        asked.append(route.request.post_data_json)
+        route.fulfill(status=202, json={"state": "starting"})
+
+    page.route("**/api/preview/warm", lambda route: route.fulfill(json={}))
+    page.route("**/api/preview", preview)
+    try:
+        page.get_by_label("Rig preset").select_option("nuscenes")
+        choose(page, "CAM_BACK_LEFT")
+        page.get_by_role("button", name="Preview through this sensor").click()
+        while not asked:
+            page.wait_for_timeout(50)
+        assert asked[0]["sensor"]["id"] == "CAM_BACK_LEFT"
+        page.locator(".sensor-preview").get_by_role("button", name="Close").click()
+    finally:
+        page.unroute("**/api/preview/warm")
+        page.unroute("**/api/preview")
+
+
+def test_a_sensor_added_to_a_preset_gets_a_name_of_its_own(configure: Page) -> None:
+    page = configure
+    page.get_by_label("Rig preset").select_option("nuscenes")
+    listed = page.get_by_role("list", name="Sensors").get_by_role("button")
+    expect(listed).to_have_count(14)
+    page.get_by_role("button", name="More: other kinds of sensor").click()
+    page.get_by_role("menuitem", name="IMU").click()
+    expect(listed).to_have_count(15)
+    rig = saved_config(page)["rig"]
+    ids = [one["id"] for one in rig["sensors"]]
+    assert rig.get("preset") is None
+    assert len({one.lower() for one in ids}) == 15
+    expect(page.locator(".inspector-head strong")).to_have_text(ids[-1])

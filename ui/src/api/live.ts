@@ -22,7 +22,9 @@ export interface Picture {
 }
 
 const MOST_LINES = 2000;
-const MOST_TICKS = 3000;
+/** As many as the server keeps. */
+export const MOST_POINTS = 3000;
+const GOLDEN = (Math.sqrt(5) - 1) / 2;
 const FIRST_WAIT_MS = 250;
 const LONGEST_WAIT_MS = 4000;
 const HEADER_BYTES = 8;
@@ -131,14 +133,14 @@ function receive(message: LiveMessage): void {
       return;
     case "log":
       if (message.run_id === wanted.run)
-        live.set((now) => ({ ...now, log: joined(now.log, message.lines, message.reset, MOST_LINES) }));
+        live.set((now) => ({ ...now, log: [...(message.reset ? [] : now.log), ...message.lines].slice(-MOST_LINES) }));
       return;
     case "ticks":
       if (message.run_id === wanted.run)
         live.set((now) => ({
           ...now,
-          ticks: joined(now.ticks, message.ticks, message.reset, MOST_TICKS),
-          loads: joined(now.loads, message.loads ?? [], message.reset, MOST_TICKS),
+          ticks: thinned([...(message.reset ? [] : now.ticks), ...message.ticks]),
+          loads: thinned([...(message.reset ? [] : now.loads), ...(message.loads ?? [])]),
         }));
       return;
     case "channels":
@@ -152,8 +154,13 @@ function receive(message: LiveMessage): void {
   }
 }
 
-function joined<T>(old: readonly T[], fresh: readonly T[], reset: boolean | undefined, most: number): readonly T[] {
-  return (reset ? [...fresh] : [...old, ...fresh]).slice(-most);
+/**
+ * About half of the points of a series that has become too long, as the server thins its own: evenly over
+ * the run, and without losing one of two workers that take turns.
+ */
+export function thinned<T>(points: readonly T[]): readonly T[] {
+  if (points.length <= MOST_POINTS) return points;
+  return thinned(points.filter((_, index) => (index * GOLDEN) % 1 < 0.5));
 }
 
 export function withJob(jobs: readonly Job[], job: Job): readonly Job[] {

@@ -16,27 +16,36 @@ from carstage.web.runs.log import log_line
 
 _MOST_LINES = 500
 _MOST_POINTS = 3000
+_GOLDEN = (5**0.5 - 1) / 2
 _RATE_OVER_S = 10.0
 _FRAMES_OVER_S = 1.0
 _Point = TypeVar("_Point")
 
 
 class Series(Generic[_Point]):
-    """Points over a whole run: of a long one every second, fourth, eighth … one is kept.
+    """Points over a whole run: of a long one about every second, fourth, eighth … one is kept.
 
-    Each has a number that only grows, so that readers can ask what is new to them.
+    Each has a number that only grows, so that readers can ask what is new to them. Which ones are
+    kept follows the golden ratio: they lie evenly over the run, and what comes in turn, as the
+    ticks of two workers, stays in its proportion.
     """
 
     def __init__(self) -> None:
         self._points: list[tuple[int, _Point]] = []
+        self._share = 1.0
         self.seen = 0
 
     def append(self, point: _Point) -> None:
         """Take in a point."""
         self.seen += 1
-        self._points.append((self.seen, point))
+        if self._keeps(self.seen):
+            self._points.append((self.seen, point))
         if len(self._points) > _MOST_POINTS:
-            del self._points[1::2]
+            self._share /= 2
+            self._points = [one for one in self._points if self._keeps(one[0])]
+
+    def _keeps(self, number: int) -> bool:
+        return (number - 1) * _GOLDEN % 1.0 < self._share
 
     def after(self, seen: int) -> list[_Point]:
         """The points after the first ``seen`` ones, as far as they are kept."""

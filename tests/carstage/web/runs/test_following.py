@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -62,5 +63,19 @@ def test_a_long_series_keeps_its_begin_and_its_newest() -> None:
     assert kept[0] == 0
     assert kept[-1] >= 19_990
     assert series.after(series.seen) == []
-    series.append(-1)
-    assert series.after(20_000) == [-1]
+    told = 0
+    while not series.after(20_000):
+        series.append(20_000 + told)
+        told += 1
+    assert told < 60
+
+
+def test_a_long_series_is_thinned_evenly_and_keeps_its_workers_apart() -> None:
+    series: Series[int] = Series()
+    for number in range(50_000):
+        series.append(number)
+    kept = series.after(0)
+    gaps = [later - earlier for earlier, later in pairwise(kept)]
+    assert max(gaps) <= 3 * min(gaps)
+    of_a_worker = [number for number in kept if number % 2 == 0]
+    assert len(of_a_worker) == pytest.approx(len(kept) / 2, rel=0.05)

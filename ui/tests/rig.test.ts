@@ -62,6 +62,20 @@ describe("sensors of the document", () => {
     expect(view).toMatchObject({ shape: "pyramid", h: 90 });
     expect(view?.shape === "pyramid" && view.v).toBeCloseTo(58.716, 3); // 2 atan(360/640)
   });
+  test("a lens says what its camera sees; of half the sphere and more nothing is drawn", () => {
+    const seen = (lens: JsonObject) => {
+      const doc: JsonObject = { image_size: [640, 360], rig: { sensors: [{ ...camera, attributes: {}, lens }] } };
+      return viewOf(sensorsOf(doc, [])[0]!, doc, DEFAULTS);
+    };
+    const pinhole = seen({ model: "brown_conrady", fx: 160, fy: 180, k1: -0.2 });
+    expect(pinhole?.h).toBeCloseTo(126.87, 2); // 2 atan(640/320)
+    expect(pinhole?.shape === "pyramid" && pinhole.v).toBeCloseTo(90);
+    const fisheye = { model: "kannala_brandt", fx: 320, fy: 320 };
+    expect(seen(fisheye)?.h).toBeCloseTo(114.59, 2); // 2 · 320/320 rad
+    expect(seen({ ...fisheye, max_angle_deg: 40 })?.h).toBe(80);
+    expect(seen({ ...fisheye, fx: 150, fy: 150 })).toBeNull();
+    expect(seen({ model: "equirectangular" })).toBeNull();
+  });
 });
 
 describe("planes", () => {

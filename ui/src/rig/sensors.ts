@@ -196,9 +196,10 @@ function shapeOf(sensor: RigSensor, document: JsonObject, { defaults, sensor_def
   const shared = (key: string) => document[key] ?? (defaults as JsonObject)[key];
   switch (kindOf(sensor.kind)?.field_of_view) {
     case "pyramid": {
-      const h = read("fov_deg");
       const size = sensor.attributes.image_size ?? shared("image_size");
-      return { shape: "pyramid", h, v: verticalAngle(h, size), range: number(shared("max_distance_m")) };
+      const lens = sensor.given.lens;
+      const [h, v] = isObject(lens) ? anglesOf(lens, size) : [read("fov_deg"), verticalAngle(read("fov_deg"), size)];
+      return { shape: "pyramid", h, v, range: number(shared("max_distance_m")) };
     }
     case "cone":
       return { shape: "cone", h: read("horizontal_fov_deg"), v: read("vertical_fov_deg"), range: read("range_m") };
@@ -214,6 +215,21 @@ function shapeOf(sensor: RigSensor, document: JsonObject, { defaults, sensor_def
     default:
       return null;
   }
+}
+
+/**
+ * What a lens shows across and down, degrees, without its distortion; 0 where that is no pyramid: half
+ * the sphere and more.
+ */
+function anglesOf(lens: JsonObject, size: Json | undefined): [number, number] {
+  const pixels = Array.isArray(size) ? size.map((one) => number(one)) : [];
+  const angle = (across: number | undefined, focal: Json | undefined) => {
+    const half = (across ?? 0) / 2 / number(focal);
+    if (lens.model === "kannala_brandt") return Math.min((half * 360) / Math.PI, 2 * number(lens.max_angle_deg, 180));
+    return (Math.atan(half) * 360) / Math.PI;
+  };
+  const [h, v] = [angle(pixels[0], lens.fx), angle(pixels[1], lens.fy)];
+  return h < 180 && v < 180 ? [h, v] : [0, 0];
 }
 
 /** Vertical field of view of a pinhole camera whose pictures have that size, degrees. */

@@ -14,7 +14,7 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 from carstage.errors import CarStageError, CollectorError, ConfigError
 from carstage.files.scratch import Scratch
@@ -37,7 +37,7 @@ _ANSWER_S = 30.0
 """For a look at another map, which has to be loaded."""
 _CALL_S = 20.0
 _SHOWN = ("seed", "map", "weather", "ego", "server")
-_SHAPELESS = (360, 640)
+_USUAL_SIZE = [640, 360]
 _BUSY = "Other pictures are being made."
 
 _log = logging.getLogger("carstage.web")
@@ -338,15 +338,11 @@ def _sized(sensor: Document, config: Document, width: int) -> Document:
     kind = known_kind(str(sensor.get("kind")))
     if kind is not None and not kind.is_camera:
         return {**sensor, "attach_to": "ego", "attach_index": 0, "rate_hz": None}
-    size = attributes.get("image_size") or config.get("image_size")
-    shape = (
-        size
-        if isinstance(size, list) and len(size) == 2 and all(type(v) is int and v > 0 for v in size)
-        else [_SHAPELESS[1], _SHAPELESS[0]]
-    )
-    attributes.pop("image_size_x", None)
-    attributes.pop("image_size_y", None)
+    by_axis = [attributes.pop(axis, None) for axis in ("image_size_x", "image_size_y")]
+    given = (attributes.get("image_size"), by_axis, config.get("image_size"))
+    shape = next((size for size in given if _is_size(size)), _USUAL_SIZE)
     attributes["image_size"] = [width, min(2 * width, max(1, round(width * shape[1] / shape[0])))]
+    lens = sensor.get("lens")
     return {
         **sensor,
         "attach_to": "ego",
@@ -354,6 +350,25 @@ def _sized(sensor: Document, config: Document, width: int) -> Document:
         "attachment": "rigid",
         "rate_hz": None,
         "attributes": attributes,
+        **({"lens": _scaled(lens, shape, attributes["image_size"])} if lens else {}),
+    }
+
+
+def _is_size(value: Any) -> TypeGuard[list[int]]:
+    return (
+        isinstance(value, list) and len(value) == 2 and all(type(v) is int and v > 0 for v in value)
+    )
+
+
+def _scaled(lens: Any, size: list[int], shown: list[int]) -> Any:
+    """A lens of pictures of one size, for those of another: it shows the same."""
+    if not isinstance(lens, dict):
+        return lens
+    across, down = shown[0] / size[0], shown[1] / size[1]
+    ratios = {"fx": across, "cx": across, "fy": down, "cy": down}
+    return {
+        key: value * ratios[key] if key in ratios and isinstance(value, int | float) else value
+        for key, value in lens.items()
     }
 
 

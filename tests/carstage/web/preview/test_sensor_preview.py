@@ -20,7 +20,7 @@ from carstage.spec import EpisodeSpec
 from carstage.web.configure.checking import ConfigChecker
 from carstage.web.errors import WebError
 from carstage.web.messages import PreviewPending, PreviewRequest
-from carstage.web.preview.sensor_preview import SensorPreviewService
+from carstage.web.preview.sensor_preview import SensorPreviewService, _sized
 from carstage.web.roots import Roots
 from running_simulator import RunningSimulator
 from sites import Site
@@ -265,3 +265,18 @@ def test_a_server_that_does_not_answer_is_told(
     with pytest.raises(CarStageError, match="answer"):
         looked(elsewhere, asked(nobody, "rgb"))
     elsewhere.close()  # it tries again meanwhile: as long as its patience is short
+
+
+def test_a_smaller_picture_shows_what_the_lens_shows(demo: dict[str, Any]) -> None:
+    numbers = {"fx": 700.0, "fy": 710.0, "cx": 650.0, "cy": 330.0}
+    lens = {"model": "brown_conrady", **numbers, "k1": -0.2}
+    sizes = {"image_size": [1280, 720]}, {"image_size_x": 1280, "image_size_y": 720}
+    for attributes in sizes:
+        sensor = {"id": "LOOK", "kind": "rgb", "attributes": attributes, "lens": lens}
+        shown = _sized(sensor, demo, 320)
+        assert shown["attributes"] == {"image_size": [320, 180]}
+        quarters = {name: value / 4 for name, value in numbers.items()}
+        assert shown["lens"] == {**lens, **quarters}
+    of_the_rig = _sized({"kind": "rgb", "lens": lens}, {"image_size": [640, 640]}, 320)
+    assert of_the_rig["lens"]["fy"] == 355.0
+    assert "lens" not in _sized({"kind": "rgb"}, demo, 320)

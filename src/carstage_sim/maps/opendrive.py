@@ -44,6 +44,7 @@ _LONGEST_WAY_M = 100
 """No way through a junction is longer."""
 _TURN_DEG = 45.0
 _DIGITS = re.compile(r"[0-9]+")
+_KMH_OF = {"mph": 1.609344, "m/s": 3.6}
 _LARGEST_NUMBER = 1000.0
 """On a sign."""
 
@@ -130,7 +131,7 @@ def sample(opendrive: str, name: str) -> dict[str, np.ndarray]:
     origin = town.transform_to_geolocation(carla.Location())
     record = {
         "geo_reference": (origin.latitude, origin.longitude),
-        "signals": _signals(town, _outermost(roads), lengths),
+        "signals": _signals(town, root, lengths),
         "controllers": _controllers(root),
         "turns": _turns(town),
         "arrows": _arrows(town, roads),
@@ -207,18 +208,22 @@ def _arrows(town: carla.Map, roads: list[etree._Element]) -> list[dict[str, Any]
 
 
 def _signals(
-    town: carla.Map, outermost: dict[int, int], lengths: dict[int, float]
+    town: carla.Map, root: etree._Element, lengths: dict[int, float]
 ) -> list[dict[str, Any]]:
     """Every signal once, with all lanes that it or a reference to it governs."""
+    outermost = _outermost(root.findall("road"))
+    # The client takes objects named Speed_N for signs in mph, though CARLA drives N km/h there.
+    signals = {signal.get("id") for signal in root.iterfind("road/signals/signal")}
     found: dict[str, dict[str, Any]] = {}
     for landmark in town.get_all_landmarks():
         entry = found.get(landmark.id)
         if entry is None:
             pose = landmark.transform
+            unit = landmark.unit if landmark.id in signals else ""
             entry = found[landmark.id] = {
                 "signal_id": landmark.id,
                 "kind": landmark.type,
-                "value": _number(landmark.value, landmark.sub_type, landmark.name),
+                "value": _number(landmark.value, unit, landmark.sub_type, landmark.name),
                 "location": (pose.location.x, pose.location.y, pose.location.z),
                 "yaw_deg": pose.rotation.yaw,
                 "lanes": [],
@@ -233,13 +238,17 @@ def _signals(
     return [found[key] for key in sorted(found)]
 
 
-def _number(value: float, *texts: str) -> float:
-    """What a sign says: its value, else the digits of its subtype or name, else -1."""
+def _number(value: float, unit: str, *texts: str) -> float:
+    """What a sign says: its value, else the digits of its subtype or name, else -1; speeds in km/h.
+
+    A text below 0, as in ``subtype="-1"``, says nothing.
+    """
     for text in texts:
         if value > 0.0:
             break
-        value = float(next(iter(_DIGITS.findall(text)), value))
-    return float(value) if 0.0 < value <= _LARGEST_NUMBER else -1.0
+        if not text.startswith("-"):
+            value = float(next(iter(_DIGITS.findall(text)), value))
+    return float(value) * _KMH_OF.get(unit, 1.0) if 0.0 < value <= _LARGEST_NUMBER else -1.0
 
 
 def _governed(

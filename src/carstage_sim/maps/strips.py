@@ -179,10 +179,11 @@ def driving_lanes(samples: Samples, signs: Sequence[Signal]) -> LaneSamples:
 
     Args:
         samples: the map's.
-        signs: of speed limits. As in CARLA the limit of a vehicle is that of the last sign that it
-            passed, and 30 km/h before the first, whatever limits the roads of the file have
-            (``WheeledVehicleAIController.h``, ``SpeedLimitComponent.cpp``). Not as in CARLA, a
-            vehicle that appears on a road with signs for its direction has passed the nearest.
+        signs: of speed limits; those without a number say nothing. As in CARLA the limit of a
+            vehicle is that of the last sign that it passed, and 30 km/h before the first, whatever
+            limits the roads of the file have (``WheeledVehicleAIController.h``,
+            ``SpeedLimitComponent.cpp``). Not as in CARLA, a vehicle that appears on a road with
+            signs for its direction has passed the nearest.
     """
     rows = np.flatnonzero(samples["lane_kind"] == LANE_KINDS.index("driving"))
     column = {key: np.asarray(samples[key])[rows] for key in samples if key not in _OF_NO_LANE}
@@ -191,7 +192,7 @@ def driving_lanes(samples: Samples, signs: Sequence[Signal]) -> LaneSamples:
     nearest_m = np.full(len(rows), np.inf)
     is_left = column["lane_id"].astype(np.int32) > 0
     for sign in signs:
-        for lane in sign.lanes:
+        for lane in sign.lanes if sign.value > 0.0 else ():
             same_road = column["road_id"] == lane.road_id
             same_way = same_road & (is_left == (lane.lane_id > 0))
             apart_m = np.linalg.norm(column["location"] - np.array(lane.stop), axis=1)

@@ -9,9 +9,11 @@ import shapely
 import small_maps
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps import BakeOptions, MapSamplingError, Town
-from carstage_sim.maps.baking import bake
+from carstage_sim.maps.baking import bake, sample_in_child
 from carstage_sim.maps.ground import Ground
 from carstage_sim.maps.loading import town_from_opendrive
+from carstage_sim.maps.signals import SPEED_LIMIT, signal_plan
+from carstage_sim.maps.strips import driving_lanes
 from carstage_sim.maps.town import MapLayer
 from carstage_sim.world.state import ActorKind
 from carstage_sim.world.world import World
@@ -135,6 +137,43 @@ def test_lights_without_controllers_take_turns_by_approach():
         (box,) = site.trigger
         assert box.center[0] < 190.0
         assert abs(box.center[1] - 1.75) < 0.01
+
+
+def speed_sign(signal_id: int, s: float, says: str) -> str:
+    sign = small_maps.light(signal_id, s, (-1, -1)).replace("1000001", "274")
+    return sign.replace('subtype="-1" value="-1"', says)
+
+
+@pytest.mark.parametrize(
+    ("says", "limit_kmh"),
+    [
+        ('subtype="-1" value="50"', 50.0),
+        ('subtype="-1" value="50" unit="km/h"', 50.0),
+        ('subtype="-1" value="35" unit="mph"', 56.327),
+        ('subtype="-1" value="12.5" unit="m/s"', 45.0),
+        ('subtype="35" unit="mph"', 56.327),
+        ('subtype="50"', 50.0),
+        # Nothing: what was before goes on.
+        ('subtype="-1" value="-1"', 30.0),
+        ('subtype="-1" value="-1" unit="mph"', 30.0),
+        ("", 30.0),
+    ],
+)
+def test_a_speed_limit_is_the_number_on_the_sign_in_its_unit(says, limit_kmh):
+    road = small_maps.road(1, 0, 0, 0, 200, signals=speed_sign(7, 100, says))
+    samples = sample_in_child(small_maps.document(road), "Limited")
+    lanes = driving_lanes(samples, signal_plan(samples["record"]).of_kind(SPEED_LIMIT))
+    limits = np.unique(lanes.speed_limit_kmh[lanes.lane_id == -1])
+    assert limits == pytest.approx([limit_kmh], abs=1e-2)
+
+
+def test_a_sign_that_is_an_object_says_kmh():
+    # The client says mph of those; CARLA's server drives so many km/h.
+    drawn = '<object id="9" name="Speed_60" type="-1" s="60" t="-5" hdg="0" length="1" width="1"/>'
+    road = small_maps.road(1, 0, 0, 0, 200, objects=drawn)
+    samples = sample_in_child(small_maps.document(road), "Limited")
+    (sign,) = signal_plan(samples["record"]).of_kind(SPEED_LIMIT)
+    assert sign.value == 60.0
 
 
 @pytest.mark.parametrize(

@@ -81,3 +81,16 @@ def test_cameras_beside_the_ego_show_it_as_one_of_the_cars(watched, tmp_path: Pa
     (path,) = (tmp_path / "out/labels/train").glob("*_CAM_FRONT_000001.txt")
     lines = [[float(value) for value in line.split()] for line in path.read_text().splitlines()]
     assert any(np.allclose(line, [0, *box], atol=1e-5) for line in lines)
+
+
+def test_alexeyab_s_darknet_finds_the_labels(exported) -> None:
+    out = exported("yolo")
+    pictures = [out / line for line in (out / "train.txt").read_text().split()]
+    assert pictures
+    for picture in pictures:
+        # As src/utils.c, replace_image_to_label: it knows COCO's and PASCAL VOC's folders only.
+        path = str(picture).replace("/JPEGImages/", "/labels/")
+        for part in ("train2017", "val2017", "train2014", "val2014"):
+            path = path.replace(f"/images/{part}/", f"/labels/{part}/")
+        found = Path(path).with_suffix(".txt").read_text()
+        assert found == (out / "labels/train" / f"{picture.stem}.txt").read_text()

@@ -75,8 +75,9 @@ class YoloWriter:
                 box = yolo_rectangle(label.box, camera.width, camera.height)
                 numbers = " ".join(f"{value:.6f}" for value in box)
                 lines.append(f"{numbers_of[label.name]} {numbers}\n")
-            path = folder / "labels" / self.split / f"{name}.txt"
-            path.write_text("".join(lines), "ascii")
+            # Beside the picture, too: AlexeyAB's Darknet knows no folder `labels` of such a place.
+            for path in (folder / "labels" / self.split / name, picture):
+                path.with_name(f"{name}.txt").write_text("".join(lines), "ascii")
             written.append(picture.relative_to(folder).as_posix())
         return tuple(written) or None
 

@@ -94,14 +94,14 @@ def car_cameras(car: Car, options: ExportOptions) -> tuple[SensorCalibration, ..
         BadInputError: one that is named has a lens, which formats with several cameras in a frame
             have no place for; such cameras are left out else.
     """
-    cameras = [s for s in car.sensors if s.content == COLOUR and s.labelled]
+    cameras = _labelled_cameras(car)
     for sensor in cameras:
-        if sensor.bent is not None and sensor.id in options.cameras:
+        if not sensor.is_pinhole and sensor.id in options.cameras:
             raise no_place_for(sensor)
     return tuple(
         sensor
         for sensor in cameras
-        if sensor.bent is None and (not options.cameras or sensor.id in options.cameras)
+        if sensor.is_pinhole and (not options.cameras or sensor.id in options.cameras)
     )
 
 
@@ -124,13 +124,14 @@ def chosen_cars(episode: Episode, options: ExportOptions) -> tuple[Car, ...]:
     """The cars with a camera or a LiDAR, if the options name sensors those with one of them.
 
     Raises:
-        BadInputError: a sensor that is named is on no car, or no car has a camera or a LiDAR.
+        BadInputError: a sensor that is named is on no car or has a lens, or no car has a camera
+            or a LiDAR.
     """
     cars = cars_with_sensors(episode)
     named = (*options.cameras, *([options.lidar] if options.lidar else []))
     for name in options.cameras:
-        _require(episode, "labelled colour camera", name, [c.id for car in cars
-                 for c in car_cameras(car, ExportOptions())])  # fmt: skip
+        known = [camera.id for car in cars for camera in _labelled_cameras(car)]
+        _require(episode, "labelled colour camera", name, known)
     if options.lidar is not None:
         lidars = [
             sensor.id
@@ -151,6 +152,10 @@ def chosen_cars(episode: Episode, options: ExportOptions) -> tuple[Car, ...]:
             "Record one, see `rig.sensors` in the configuration.",
         )
     return found
+
+
+def _labelled_cameras(car: Car) -> list[SensorCalibration]:
+    return [sensor for sensor in car.sensors if sensor.content == COLOUR and sensor.labelled]
 
 
 def _require(episode: Episode, what: str, name: str, known: list[str]) -> None:

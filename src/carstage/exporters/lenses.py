@@ -36,10 +36,15 @@ def lens_entry(camera: SensorCalibration) -> dict[str, Any]:
 
 
 def no_place_for(camera: SensorCalibration) -> BadInputError:
-    """The error of a format that knows pinholes alone."""
-    model = camera.lens.model if camera.lens is not None else ""
+    """The error of a format that knows pinholes alone, or labelled pictures alone."""
+    if camera.lens is None:
+        return BadInputError(
+            f"{camera.id!r} has a lens distortion of CARLA's own, so its pictures have no labels "
+            "and no camera model.",
+            "Use the format video or webdataset, or choose a camera without `lens_*` attributes.",
+        )
     return BadInputError(
-        f"This format has no place for the camera model {model} of {camera.id!r}.",
+        f"This format has no place for the camera model {camera.lens.model} of {camera.id!r}.",
         "Use the format mcap, coco or webdataset, or choose a camera without distortion.",
     )
 

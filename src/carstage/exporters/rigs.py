@@ -17,7 +17,8 @@ def colour_cameras(
     Args:
         episode: whose rig it is.
         options: may name cameras.
-        labelled: whether only those with labels count.
+        labelled: whether only those with labels count; then cameras with CARLA's own lens
+            distortion are left out unless they are named, as nothing is projected into them.
         pinholes: whether the format has no place for another camera model; such cameras are left
             out unless they are named.
 
@@ -36,8 +37,8 @@ def colour_cameras(
                 f"Episode {episode.id} has no {what} {name!r}.",
                 f"It has {', '.join(fitting) or 'none'}.",
             )
-    if pinholes:
-        _require_pinholes(fitting, options)
+    if labelled or pinholes:
+        _leave_lenses_out(fitting, options, pinholes=pinholes)
     if not fitting:
         raise BadInputError(
             f"Episode {episode.id} has no {what}.",
@@ -46,13 +47,21 @@ def colour_cameras(
     return tuple(fitting[name] for name in dict.fromkeys(options.cameras) or fitting)
 
 
-def _require_pinholes(fitting: dict[str, SensorCalibration], options: ExportOptions) -> None:
-    """Leave cameras with a lens out; refuse those that are named, or where no other is.
+def _leave_lenses_out(
+    fitting: dict[str, SensorCalibration], options: ExportOptions, *, pinholes: bool
+) -> None:
+    """Leave cameras with a lens out, or with one that nothing is projected by.
+
+    Those that are named are refused, and where there is no other.
 
     Raises:
         BadInputError: which one, and where it has a place.
     """
-    bent = {name: camera for name, camera in fitting.items() if camera.bent is not None}
+    bent = {
+        name: camera
+        for name, camera in fitting.items()
+        if not (camera.is_pinhole if pinholes else camera.is_projective)
+    }
     refused = [name for name in options.cameras if name in bent] or (
         list(bent) if len(bent) == len(fitting) else []
     )

@@ -1,0 +1,105 @@
+"""Cameras with a lens: where they have a place, and where they are left out or refused."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from analytic_dataset import attempt_of, edit_rows, recommit
+from carstage.errors import BadInputError
+from carstage.exporters import ExportOptions, export_dataset
+
+pytestmark = pytest.mark.xdist_group("export")
+
+BROWN = {
+    "model": "brown_conrady", "distortion": [-0.3, 0.1, 0.0, 0.0, 0.0], "max_angle_deg": 60.0,
+    "depth": "z", "recorded_from": [],
+}  # fmt: skip
+LENSES: dict[str, Callable[[dict[str, Any]], None]] = {
+    "CARLA's own": lambda sensor: sensor["attributes"].update(lens_k="-0.5"),
+    "brown_conrady": lambda sensor: sensor.update(lens=BROWN),
+}
+
+
+def with_lenses(dataset: Path, folder: Path, lens: str, *cameras: str) -> Path:
+    """A copy whose cameras have a lens; nothing is labelled where it is CARLA's own."""
+    copy = Path(shutil.copytree(dataset, folder / "dataset"))
+    path = attempt_of(copy) / "calibration.json"
+    document = json.loads(path.read_text())
+    for camera in cameras:
+        LENSES[lens](document["sensors"][camera])
+    path.write_text(json.dumps(document))
+    recommit(copy)
+    if lens == "CARLA's own":
+        edit_rows(
+            copy,
+            "camera_objects.parquet",
+            lambda rows: [row for row in rows if row["sensor_id"] not in cameras],
+        )
+    return copy
+
+
+def cameras_of(name: str, out: Path) -> set[str]:
+    """The cameras whose pictures an export has."""
+    if name == "coco":
+        document = json.loads((out / "annotations/instances_train.json").read_text())
+        return {image["camera"] for image in document["images"]}
+    if name == "yolo":
+        return {path.stem.split("_", 1)[1][:-7] for path in (out / "images/train").glob("*.png")}
+    if name == "nuscenes":
+        rows = json.loads((out / "v1.0-carstage/sensor.json").read_text())
+        return {row["channel"] for row in rows if row["modality"] == "camera"}
+    rows = (out / "frames.csv").read_text().splitlines()[1:]
+    return {row.rsplit(",", 1)[1] for row in rows}
+
+
+@pytest.mark.parametrize(
+    ("name", "lens", "choices"),
+    [
+        ("coco", "CARLA's own", {}),
+        ("yolo", "CARLA's own", {}),
+        ("nuscenes", "CARLA's own", {}),
+        ("nuscenes", "brown_conrady", {}),
+        ("kitti-object", "CARLA's own", {"cameras": ("all",)}),
+    ],
+)
+def test_a_camera_without_a_place_is_left_out(
+    dataset, tmp_path: Path, name: str, lens: str, choices: dict[str, Any]
+) -> None:
+    bent = with_lenses(dataset, tmp_path, lens, "CAM_LEFT")
+    export_dataset(name, bent, tmp_path / "out", ExportOptions(**choices), workers=0)
+    assert cameras_of(name, tmp_path / "out") == {"CAM_FRONT"}
+
+
+@pytest.mark.parametrize(
+    ("name", "lens", "told"),
+    [
+        *(
+            (name, "CARLA's own", "^'CAM_LEFT' has a lens distortion of CARLA's own")
+            for name in ("coco", "yolo", "nuscenes", "kitti-object", "kitti-tracking")
+        ),
+        *(
+            (name, "brown_conrady", "the camera model brown_conrady of 'CAM_LEFT'")
+            for name in ("nuscenes", "kitti-object")
+        ),
+    ],
+)
+def test_a_camera_without_a_place_is_refused_by_name(
+    dataset, tmp_path: Path, name: str, lens: str, told: str
+) -> None:
+    bent = with_lenses(dataset, tmp_path, lens, "CAM_LEFT")
+    options = ExportOptions(cameras=("CAM_LEFT",))
+    with pytest.raises(BadInputError, match=told):
+        export_dataset(name, bent, tmp_path / "out", options, workers=0)
+
+
+@pytest.mark.parametrize("name", ["coco", "yolo", "kitti-object"])
+def test_a_rig_without_any_other_camera_is_refused(dataset, tmp_path: Path, name: str) -> None:
+    bent = with_lenses(dataset, tmp_path, "CARLA's own", "CAM_FRONT", "CAM_LEFT")
+    with pytest.raises(BadInputError, match="lens distortion of CARLA's own"):
+        export_dataset(name, bent, tmp_path / "out", workers=0)

@@ -61,7 +61,7 @@ class HiddenTriangles:
     """Takes triangles of level objects out of a geometry, and puts them back.
 
     Args:
-        geometry: changed in place.
+        geometry: its arrays are changed in place.
         object_id: ``(T,)`` of its triangles.
     """
 
@@ -71,10 +71,15 @@ class HiddenTriangles:
         self._hidden: frozenset[int] = frozenset()
         self._taken: tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float32]] | None = None
 
-    def hide(self, object_ids: frozenset[int]) -> None:
-        """Make exactly these objects absent."""
+    def hide(self, object_ids: frozenset[int]) -> Geometry:
+        """Make exactly these objects absent.
+
+        Returns:
+            The geometry: another tuple of the same arrays after a change. Who keeps a copy knows by
+            that that it is out of date.
+        """
         if object_ids == self._hidden:
-            return
+            return self._geometry
         corners = self._geometry.corners
         if self._taken is not None:
             block, slot, before = self._taken
@@ -87,3 +92,5 @@ class HiddenTriangles:
             block, slot = np.nonzero((numbers >= 0) & hidden[numbers])
             self._taken = (block, slot, corners[block, :, slot].copy())
             corners[block, :, slot] = 0.0
+        self._geometry = self._geometry._replace()
+        return self._geometry

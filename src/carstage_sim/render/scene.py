@@ -397,7 +397,7 @@ class SceneStore:
         if changes is self._town_changes:
             return
         self._town_changes = changes
-        self._hidden_triangles.hide(changes.hidden)
+        self._static = self._hidden_triangles.hide(changes.hidden)
         self._appearance = object_appearance(self._object_count, self._street_lamps, changes)
         power = np.zeros((len(self._street_lamps), 3), np.float32)
         if len(changes.lamp_power):

@@ -9,10 +9,12 @@ import sensor_worlds
 from benchmarks.simulator.conformance import MOST_COLOURS, Tally, compare_rays, random_frame
 from carstage_sim.labels import CityObjectLabel
 from carstage_sim.mesh import Material
-from carstage_sim.render.cast import STATIC
+from carstage_sim.render.cast import NOTHING, STATIC
 from carstage_sim.render.gpu.caster import GpuCaster
+from carstage_sim.render.scene import SceneStore
 from carstage_sim.sensors.world_sensors import WorldSensors
 from carstage_sim.world.state import Weather
+from carstage_sim.world.town_changes import TownChanges
 
 pytestmark = pytest.mark.xdist_group("gpu")
 
@@ -46,6 +48,20 @@ def test_a_scene_without_its_town_leaves_the_towns_copy_alone(software_gpu):
     assert set(alone.row.tolist()) <= {-2, 1}
     assert (before.row == STATIC).any()
     assert before.triangle.tobytes() == after.triangle.tobytes()
+
+
+def test_a_card_is_told_what_is_hidden_and_shown_again(software_gpu):
+    store = SceneStore(sensor_worlds.WALL, lambda _key: sensor_worlds.WALL, cache=None)
+    caster = GpuCaster(software_gpu, 1)
+    ahead = np.array([[1.0, 0.1, 0.0], [1.0, -0.2, 0.1]], np.float32)
+
+    def met(hidden):
+        scene = store.frame([], TownChanges(hidden=frozenset(hidden))).scene
+        return caster.cast(
+            scene, np.array([0.0, 0.0, 2.0]), ahead, low=1e-3, high=100.0
+        ).row.tolist()
+
+    assert [met(()), met({5}), met(())] == [[STATIC] * 2, [NOTHING] * 2, [STATIC] * 2]
 
 
 def test_pictures_of_all_kinds_agree(suites):

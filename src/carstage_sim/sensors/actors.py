@@ -34,8 +34,6 @@ from carstage_sim.world.columns import Rotation
 from carstage_sim.world.state import ActorKind, WorldState
 from carstage_sim.world.walkers.gait import roll_phase, walk_phase
 
-_POSED = 256
-"""Figures posed by clients whose joints are kept until their meshes are made."""
 _UMBRELLA = "+umbrella"
 """Ends the figure in the keys of who has an open umbrella."""
 WHEELCHAIR = "+wheelchair"
@@ -120,10 +118,14 @@ class ActorModels:
         return tuple(f"{figure}{QUICK}{one}" for one in phases)
 
     def placements(self, state: WorldState) -> list[Placement]:
-        """The actors of a frame that have a shape, in the state's order."""
+        """The actors of a frame that have a shape, in the state's order.
+
+        Joints of figures that clients pose are kept until the next call: meshes are made before.
+        """
         rotations = rotation_matrix(state.rotation_deg).reshape(-1, 3, 3)
         wheels = self._wheels.placements(state, rotations)
         self._raining = state.weather.precipitation > _RAIN_PERCENT
+        self._posed = {}
         found: list[Placement] = []
         lights = 0
         changes = state.town_changes
@@ -177,7 +179,7 @@ class ActorModels:
         digest = hashlib.sha256(b"".join(np.asarray(j).tobytes() for j in astuple(joints)))
         figure = self._figure(type_id) + (f"{WHEELCHAIR}{phase}" if sits else "")
         key = f"{figure}{PASSING}{digest.hexdigest()[:16]}"
-        self._posed = {**self._posed, key: joints} if len(self._posed) < _POSED else {key: joints}
+        self._posed[key] = joints
         return key
 
     def _carried(self, type_id: str, *, sits: bool) -> str:

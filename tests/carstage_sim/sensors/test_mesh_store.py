@@ -130,3 +130,15 @@ def test_wheelchairs_roll_are_made_when_they_are_spawned_and_stay_under_posed_bo
         mesh = models.mesh(key)
         assert np.abs(mesh.bounds).max(axis=0) == pytest.approx(EXTENT, abs=0.03)
         assert Material.RIM in mesh.material
+
+
+def test_all_who_are_posed_in_a_frame_have_their_mesh(stage01, tmp_path):
+    models = actors.ActorModels(stage01, cache=tmp_path)
+    crowd = range(1, 301)
+    shown = state(walkers=[(one, (float(one), 0.0, 1.0), 0.0) for one in crowd])
+    standing = seated_joints(0)
+    figures = {one: replace(standing, head=standing.head + 1e-4 * one) for one in crowd}
+    placed = models.placements(replace(shown, figures=figures))
+    assert len({one.model for one in placed}) == 300
+    for one in (placed[0], placed[-1]):
+        assert len(models.mesh(one.model).triangles) > 100

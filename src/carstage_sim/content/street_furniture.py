@@ -21,6 +21,7 @@ _LENS_RADIUS_M = 0.145
 """Of signals of the size 300 mm (EN 12368)."""
 _LENS_SPACING_M = 0.345
 _SECOND_HEAD_HEIGHT_M = 3.0
+_ARM_ABOVE_HEAD_M, _MAST_ABOVE_ARM_M = 0.35, 0.25
 _PLATE_HEIGHT_M = 2.35
 MAST_RADIUS_M = 0.19
 """Of the foot of a traffic light."""
@@ -42,12 +43,14 @@ def traffic_light_mesh(head: tuple[float, float, float, float]) -> TriangleMesh:
     x, y, z, yaw_deg = head
     reach = math.hypot(x, y)
     along = np.array([x, y]) / reach if reach > 0 else np.zeros(2)
-    arm_height = z + 0.35
+    arm_height = z + _ARM_ABOVE_HEAD_M
     metal = Material.METAL
     at_arm, at_mast = light_head_middles(head)
     parts = [
         tube([(0, 0, -_BELOW_KERB_M), (0, 0, 0.35)], MAST_RADIUS_M, metal, _POLE, sides=10),
-        tube([(0, 0, 0.35), (0, 0, arm_height + 0.25)], [0.11, 0.075], metal, _POLE, sides=10),
+        tube(
+            [(0, 0, 0.35), (0, 0, light_mast_height_m(head))], [0.11, 0.075], metal, _POLE, sides=10
+        ),
         _head(at_arm, yaw_deg),
     ]
     if reach > 0:
@@ -72,6 +75,15 @@ def traffic_light_mesh(head: tuple[float, float, float, float]) -> TriangleMesh:
         )
     )
     return merge_meshes(parts)
+
+
+def light_mast_height_m(head: tuple[float, float, float, float]) -> float:
+    """Height of the mast's top above its foot.
+
+    Args:
+        head: as :func:`traffic_light_mesh` has it.
+    """
+    return head[2] + _ARM_ABOVE_HEAD_M + _MAST_ABOVE_ARM_M
 
 
 def light_head_middles(head: tuple[float, float, float, float]) -> tuple[np.ndarray, np.ndarray]:

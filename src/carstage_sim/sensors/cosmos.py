@@ -7,19 +7,23 @@ and crosswalks are not drawn here.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage_sim.content.street_furniture import light_mast_height_m
 from carstage_sim.content.wheelchairs import EXTENT
 from carstage_sim.geometry import pose_matrix, rotation_matrix
 from carstage_sim.labels import CityObjectLabel
-from carstage_sim.maps.town import Town
+from carstage_sim.maps.town import OrientedBox, Town
 from carstage_sim.render.overlay import draw_shapes
 from carstage_sim.sensors.cameras import CameraSensor
 from carstage_sim.sensors.measurements import ImageFrame, SensorRequest
 from carstage_sim.sensors.sensor import SensorRegistry
 from carstage_sim.sensors.view import View
 from carstage_sim.world.blueprints import catalogue
+from carstage_sim.world.signals.traffic_light_actors import head_boxes
 from carstage_sim.world.state import ActorKind, WorldState
 
 Rgb = tuple[int, int, int]
@@ -91,8 +95,7 @@ class CosmosCamera(CameraSensor):
             sits = int(state.actor_id[row]) in state.wheelchairs
             extent = EXTENT if sits else blueprint.box_extent
             parts.append(_box(matrix, blueprint.box_center, extent, colour))
-        ends, width, colours = zip(*parts, strict=True)
-        return np.concatenate(ends), np.concatenate(width), np.concatenate(colours)
+        return _joined(parts)
 
 
 def _box(
@@ -108,20 +111,32 @@ def _box(
     return ends, np.full(count, _BOX_LINE_M, np.float32), np.full((count, 3), colour, np.uint8)
 
 
-def _scenery(town: Town) -> _Lines:
-    """Boxes of lights and signs, and poles that stand upright."""
+def _oriented(box: OrientedBox, colour: Rgb) -> _Lines:
+    return _box(pose_matrix(box.center, box.rotation_deg), (0.0, 0.0, 0.0), box.extent, colour)
+
+
+def _pole(foot: NDArray[np.float64], height_m: float) -> _Lines:
+    ends = foot + np.array([[[0.0, 0.0, 0.0], [0.0, 0.0, height_m]]])
+    return ends, np.full(1, _POLE_LINE_M, np.float32), np.array([_POLE], np.uint8)
+
+
+def _joined(parts: Sequence[_Lines]) -> _Lines:
     nothing = np.empty((0, 2, 3)), np.empty(0, np.float32), np.empty((0, 3), np.uint8)
-    parts: list[_Lines] = [nothing]
-    boxed = {CityObjectLabel.TRAFFIC_LIGHT: _LIGHT, CityObjectLabel.TRAFFIC_SIGNS: _SIGN}
-    for piece in town.level_objects:
-        box, label = piece.box, CityObjectLabel(piece.label)
-        if label in boxed:
-            matrix = pose_matrix(box.center, box.rotation_deg)
-            parts.append(_box(matrix, (0.0, 0.0, 0.0), box.extent, boxed[label]))
-        elif label is CityObjectLabel.POLES and box.extent[2] >= max(box.extent[:2]):
-            up = np.array([0.0, 0.0, box.extent[2]])
-            line = np.stack([box.center - up, box.center + up])[None]
-            width = np.full(1, _POLE_LINE_M, np.float32)
-            parts.append((line, width, np.array([_POLE], np.uint8)))
-    ends, widths, colours = zip(*parts, strict=True)
+    ends, widths, colours = zip(nothing, *parts, strict=True)
     return np.concatenate(ends), np.concatenate(widths), np.concatenate(colours)
+
+
+def _scenery(town: Town) -> _Lines:
+    """Boxes of signs and of the heads of traffic lights; poles and masts that stand upright."""
+    parts: list[_Lines] = []
+    for site in town.traffic_lights:
+        parts += [_oriented(box, _LIGHT) for box in head_boxes(site)]
+        parts.append(_pole(np.array(site.location), light_mast_height_m(site.head)))
+    for piece in town.level_objects:
+        box = piece.box
+        if piece.label == CityObjectLabel.TRAFFIC_SIGNS:
+            parts.append(_oriented(box, _SIGN))
+        elif piece.label == CityObjectLabel.POLES and box.extent[2] >= max(box.extent[:2]):
+            foot = np.array(box.center) - np.array([0.0, 0.0, box.extent[2]])
+            parts.append(_pole(foot, 2.0 * box.extent[2]))
+    return _joined(parts)

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from carstage_sim.labels import CityObjectLabel
-from carstage_sim.maps.town import LevelObject, OrientedBox, Town
+from carstage_sim.maps.town import LevelObject, OrientedBox, Town, TrafficLightSite
 from carstage_sim.sensors.cosmos import CosmosCamera
 from carstage_sim.sensors.measurements import SensorRequest
 from sensor_worlds import GROUND, request, state, town
 
-RED, SIGN = (255, 0, 0), (214, 144, 137)
+RED, SIGN, LIGHT, POLE = (255, 0, 0), (214, 144, 137), (109, 144, 136), (58, 4, 124)
 
 
 def picture(place: Town, world, frame_request: SensorRequest) -> np.ndarray:
@@ -45,4 +45,24 @@ def test_signs_are_boxes_and_only_upright_poles_are_lines() -> None:
     drawn = picture(place, state(1), request("camera.cosmos_visualization"))
     brightest = drawn.reshape(-1, 3)[drawn.reshape(-1, 3).sum(axis=1).argmax()]
     assert np.abs(brightest.astype(int) - SIGN).max() < 60
-    assert not (drawn[..., 2] > drawn[..., 0] + 20).any()  # nothing in the poles' violet
+    assert not (drawn[..., 2] > 1.5 * drawn[..., 1]).any()  # nothing in the poles' violet
+
+
+def colours_in(drawn: np.ndarray) -> set[tuple[int, ...]]:
+    return {tuple(pixel) for pixel in drawn.reshape(-1, 3).tolist()}
+
+
+def test_traffic_lights_are_boxes_of_their_heads_on_upright_masts() -> None:
+    site = TrafficLightSite(
+        "7", (8.0, 3.0, 0.0), (0.0, 90.0, 0.0), (-4.0, 0.0, 5.5, 90.0), 1, 0, ()
+    )
+    place = replace(town(GROUND), traffic_lights=(site,))
+    asked = request("camera.cosmos_visualization", image_size_x=320, image_size_y=240)
+    drawn = picture(place, state(1), asked)
+    assert {LIGHT, POLE} <= colours_in(drawn)
+    ahead, high = np.nonzero((drawn == LIGHT).all(axis=2))[::-1]
+    mast = np.nonzero((drawn == POLE).all(axis=2))[1]
+    # 8 m ahead a metre is 20 px wide: the arm's head is 4 m to the left of the mast.
+    assert 60 < mast.mean() - ahead.min() < 110
+    assert np.ptp(mast) < 6
+    assert high.min() < 60 < high.max()

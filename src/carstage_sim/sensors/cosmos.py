@@ -61,7 +61,7 @@ class CosmosCamera(CameraSensor):
 
     def measure(self, state: WorldState, request: SensorRequest, view: View) -> ImageFrame:
         """The lines on black, alpha 255."""
-        ends, width, colour = self._lines(state)
+        ends, width, colour = self._lines(state, request.ignored)
         offset = ends - np.asarray(request.location)
         near = np.linalg.norm(offset, axis=2).min(axis=1) < _FAR_M
         rotation = rotation_matrix(request.rotation_deg)
@@ -82,18 +82,19 @@ class CosmosCamera(CameraSensor):
         pixels[..., :3] = picture[..., ::-1]
         return self.image(pixels)
 
-    def _lines(self, state: WorldState) -> _Lines:
+    def _lines(self, state: WorldState, ignored: frozenset[int]) -> _Lines:
         parts = [self._scenery]
         for row, kind in enumerate(state.kind.tolist()):
             if kind not in (ActorKind.VEHICLE, ActorKind.WALKER):
                 continue
-            blueprint = self._blueprints.get(state.type_id[row])
-            if blueprint is None:
+            blueprint, actor_id = self._blueprints.get(state.type_id[row]), int(state.actor_id[row])
+            # Of what a sensor is to ignore CARLA's asks whether it is a vehicle.
+            passed = kind == ActorKind.VEHICLE and actor_id in ignored
+            if blueprint is None or passed or actor_id == state.hero_id:
                 continue
             matrix = pose_matrix(state.location[row], state.rotation_deg[row])
             colour = _VEHICLE if kind == ActorKind.VEHICLE else _WALKER
-            sits = int(state.actor_id[row]) in state.wheelchairs
-            extent = EXTENT if sits else blueprint.box_extent
+            extent = EXTENT if actor_id in state.wheelchairs else blueprint.box_extent
             parts.append(_box(matrix, blueprint.box_center, extent, colour))
         return _joined(parts)
 

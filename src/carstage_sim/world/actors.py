@@ -22,6 +22,8 @@ from carstage_sim.world.vehicles.ackermann import AckermannController
 from carstage_sim.world.vehicles.parameters import VehicleParameters
 from carstage_sim.world.walkers.bone_pose import BonePose
 
+_HERO_ROLES = ("hero", "ego_vehicle")
+
 
 @dataclass(slots=True, eq=False)
 class VehicleStatus:
@@ -107,6 +109,12 @@ class Actor:
         return self.kind is ActorKind.WALKER and uses_wheelchair(self.attributes)
 
     @property
+    def is_hero(self) -> bool:
+        """Whether its ``role_name`` contains ``hero`` or ``ego_vehicle``."""
+        role = self.attributes.get("role_name", "").lower()
+        return any(name in role for name in _HERO_ROLES)
+
+    @property
     def colour(self) -> tuple[int, int, int]:
         """Paint colour, black for none."""
         parts = self.attributes.get("color", "").split(",")
@@ -123,6 +131,7 @@ class ActorTable:
         location, rotation_deg, velocity, angular_velocity_deg, acceleration: ``(N, 3)`` float64 in
             the world, one row per actor. Commands and dynamics write them in place.
         wheelchairs: ids of the walkers in wheelchairs.
+        hero_id: the first actor with the role of a hero, 0 for none.
     """
 
     def __init__(self) -> None:
@@ -140,6 +149,7 @@ class ActorTable:
         self.colour: NDArray[np.uint8] = np.zeros((0, 3), np.uint8)
         self.type_id: tuple[str, ...] = ()
         self.wheelchairs: frozenset[int] = frozenset()
+        self.hero_id = 0
 
     def __len__(self) -> int:
         return len(self._actors)
@@ -232,3 +242,4 @@ class ActorTable:
         self.colour = np.array([a.colour for a in actors], np.uint8).reshape(-1, 3)
         self.type_id = tuple(actor.type_id for actor in actors)
         self.wheelchairs = frozenset(a.actor_id for a in actors if a.uses_wheelchair)
+        self.hero_id = next((a.actor_id for a in actors if a.is_hero), 0)

@@ -99,6 +99,7 @@ def freeze(world: World, sites: SiteColumns, delta_s: float) -> Snapshot:
         collisions=world.collisions,
         figures=_posed_figures(world),
         wheelchairs=table.wheelchairs,
+        hero_id=table.hero_id,
         doors=_open_doors(world),
         town_changes=world.town_changes(),
         debug_shapes=world.debug_drawing.frame,

@@ -99,6 +99,7 @@ class WorldState:
         debug_shapes: what clients drew, None for nothing.
         figures: joints of the walkers that clients pose, by actor id.
         wheelchairs: ids of the walkers in wheelchairs.
+        hero_id: the first actor with the role of a hero, 0 for none.
         transmissions: what V2X sensors send in this frame, by ascending sensor ids.
     """
 
@@ -125,4 +126,5 @@ class WorldState:
     debug_shapes: DebugShapes | None = None
     figures: Mapping[int, Joints] = field(default_factory=dict)
     wheelchairs: frozenset[int] = frozenset()
+    hero_id: int = 0
     transmissions: tuple[Transmission, ...] = ()

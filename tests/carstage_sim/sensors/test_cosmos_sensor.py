@@ -66,3 +66,21 @@ def test_traffic_lights_are_boxes_of_their_heads_on_upright_masts() -> None:
     assert 60 < mast.mean() - ahead.min() < 110
     assert np.ptp(mast) < 6
     assert high.min() < 60 < high.max()
+
+
+def test_ignored_vehicles_are_not_drawn_but_walkers_are() -> None:
+    world = state(1, vehicles=[(7, (12.0, -3.0, 0.0), 0.0)], walkers=[(8, (8.0, 3.0, 1.0), 0.0)])
+    asked = request("camera.cosmos_visualization")
+    all_seen = picture(town(GROUND), world, asked)
+    assert all_seen[..., 0].any()
+    ignoring = picture(town(GROUND), world, replace(asked, ignored=frozenset({7, 8})))
+    assert not ignoring[..., 0].any()
+    assert np.array_equal(ignoring[..., 1], all_seen[..., 1])
+    assert ignoring.any()
+
+
+def test_the_hero_is_not_drawn() -> None:
+    world = state(1, vehicles=[(7, (12.0, 0.0, 0.0), 0.0)])
+    asked = request("camera.cosmos_visualization")
+    assert picture(town(GROUND), world, asked).any()
+    assert not picture(town(GROUND), replace(world, hero_id=7), asked).any()

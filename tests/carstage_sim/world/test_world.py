@@ -438,3 +438,16 @@ def test_what_has_no_shape_carries_sensors_and_stops_nobody(
     ticks(world, 60)
     driven = np.subtract(world.actors.pose(car.actor_id).location, (x, y, z))
     assert np.hypot(driven[0], driven[1]) > 10.0
+
+
+def test_the_hero_is_the_first_actor_with_such_a_role(world: World, stage01: Town) -> None:
+    roles = ("autopilot", "my_Hero", "ego_vehicle")
+    cars = [
+        world.spawn(CAR, {"role_name": role}, place(stage01, number))
+        for number, role in enumerate(roles)
+    ]
+    assert ticks(world, 1).state.hero_id == cars[1].actor_id
+    world.destroy(cars[1].actor_id)
+    assert ticks(world, 1).state.hero_id == cars[2].actor_id
+    world.destroy(cars[2].actor_id)
+    assert ticks(world, 1).state.hero_id == 0

@@ -363,7 +363,7 @@ class View:
         """Let a card begin the pictures that were announced."""
         if self._cameras is not None and self._expected:
             with self._card_lock:
-                self._take_expected(self._cameras, None)
+                self._take_expected(self._cameras)
 
     def on_card(
         self,
@@ -384,10 +384,14 @@ class View:
             return None
         key = (camera, film, product)
         with self._card_lock:
-            if key not in self._taken:
-                self._expected.setdefault((camera, film), set()).add(product)
-                self._take_expected(self._cameras, motions)
-            pictures = self._taken[key]
+            if motions is not None:
+                # Not for others of this pose: their last pictures may be of other ticks.
+                pictures = self._take(self._cameras, camera, film, {product}, motions)
+            else:
+                if key not in self._taken:
+                    self._expected.setdefault((camera, film), set()).add(product)
+                    self._take_expected(self._cameras)
+                pictures = self._taken[key]
         return pictures()[product]
 
     def _is_for_cpu(self, camera: Camera, product: Product) -> bool:
@@ -400,21 +404,25 @@ class View:
         """Whether a card makes pictures."""
         return self._cameras is not None
 
-    def _take_expected(self, cameras: GpuCameras, motions: Motions | None) -> None:
-        light = self.lighting
-        self._count_cast(len(self._expected))
+    def _take_expected(self, cameras: GpuCameras) -> None:
         for (camera, film), products in self._expected.items():
-            pending = cameras.take(
-                self.frame,
-                self._shot(camera),
-                products,
-                light,
-                film=film,
-                motions=motions if Product.FLOW in products else None,
-            )
-            pictures = Once(partial(_received, pending, camera))
+            pictures = self._take(cameras, camera, film, products)
             self._taken.update({(camera, film, product): pictures for product in products})
         self._expected.clear()
+
+    def _take(
+        self,
+        cameras: GpuCameras,
+        camera: Camera,
+        film: Film,
+        products: set[Product],
+        motions: Motions | None = None,
+    ) -> Once[_Pictures]:
+        self._count_cast()
+        pending = cameras.take(
+            self.frame, self._shot(camera), products, self.lighting, film=film, motions=motions
+        )
+        return Once(partial(_received, pending, camera))
 
     def _shot(self, camera: Camera) -> Shot:
         return Shot(

@@ -98,6 +98,26 @@ def test_pictures_of_all_kinds_agree(suites):
     assert np.allclose(cpu["optical_flow"].flow, gpu["optical_flow"].flow, atol=1e-5)
 
 
+def test_flow_is_since_each_cameras_own_last_picture(suites):
+    """One camera of a pose looks at each tick, another at every second one."""
+    flows = []
+    for sensors in suites:
+        sensors.reset()
+        for tick in (1, 2, 3):
+            turned = (0.0, float(tick), 0.0)
+            cameras = [
+                sensor_worlds.request("camera.optical_flow", 700, rotation_deg=turned),
+                sensor_worlds.request(
+                    "camera.optical_flow", 701, rotation_deg=turned, sensor_tick=0.2
+                ),
+            ]
+            frames = sensors.capture(sensor_worlds.state(tick), cameras)
+        flows.append([frame.flow for _, frame in frames])
+    (each, second), card = flows
+    assert np.median(second[..., 0] / each[..., 0]) == pytest.approx(2.0, abs=0.01)
+    assert np.allclose(card, [each, second], atol=1e-5)
+
+
 def test_a_wet_road_mirrors_the_same(suites):
     """Puddles and a film between stones, which bend what is mirrored."""
     wet = Weather(sun_altitude_angle=20.0, wetness=70.0, precipitation_deposits=40.0)

@@ -45,6 +45,7 @@ class OccupancySensor(MeasuringSensor):
     """
 
     beside_others = True
+    casts_rays = False
 
     def __init__(self, request: SensorRequest, town: Town) -> None:
         super().__init__(request, town)

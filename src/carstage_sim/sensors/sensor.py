@@ -33,12 +33,15 @@ class Sensor(ABC):
             sensors, at the same time. It then shares nothing with them but the view.
         many_steps: whether its reports take many steps one after the other. They are begun first:
             other reports then fill the gaps, not the end.
+        casts_rays: whether it looks along rays. From within its carrier's box one that does passes
+            through the carrier; one that does not has the carrier in its reports.
     """
 
     looks: ClassVar[bool] = True
     may_be_late: ClassVar[bool] = False
     beside_others: ClassVar[bool] = False
     many_steps: ClassVar[bool] = False
+    casts_rays: ClassVar[bool] = True
 
     def __init__(self, request: SensorRequest, town: Town) -> None:
         self.request = request

@@ -245,7 +245,7 @@ class WorldSensors:
             self._side_by_side.wait_for_all()  # what is under way shows the town as it was
         view = self._view(state)
         views = {frozenset[int](): view}
-        unseen = [_unseen(request, view) for request, _ in due]
+        unseen = [_unseen(request, sensor, view) for request, sensor in due]
         for (request, sensor), ignored in zip(due, unseen, strict=True):
             if ignored not in views:
                 views[ignored] = self._view(state, view, ignored)
@@ -353,8 +353,10 @@ class WorldSensors:
         )
 
 
-def _unseen(request: SensorRequest, view: View) -> frozenset[int]:
-    """Actors that a sensor does not see: within its carrier's box, wheels of that neither."""
+def _unseen(request: SensorRequest, sensor: Sensor, view: View) -> frozenset[int]:
+    """Actors that a sensor does not see: within its carrier's box, rays pass its wheels, too."""
+    if not sensor.casts_rays:
+        return request.ignored
     frame, owner = view.frame, request.owner_id
     within = view.skipped_row(owner, request.location)
     has_parts = within >= 0 and np.count_nonzero(frame.actor_id == owner) > 1

@@ -187,3 +187,19 @@ def test_impossible_voxels_are_refused(
 ) -> None:
     with pytest.raises(SensorAttributeError, match=said):
         seen([GROUND], state(), tmp_path, **attributes)
+
+
+def test_the_carrier_comes_too_when_its_wheels_move_by_themselves(tmp_path: Path) -> None:
+    """Near a sensor of the world they do."""
+    wide = dict.fromkeys(("ahead", "behind", "left", "right"), 4)
+    within = request(
+        "other.occupancy", 300, location=(0.0, 0.0, 1.0), owner_id=CAR, **(SMALL | wide)
+    )
+    counts = []
+    for near in ([], [(300, (0.0, 0.0, 1.0), 0.0)]):
+        world = state(vehicles=[(CAR, (0.0, 0.0, 0.0), 0.0)], sensors=near)
+        with WorldSensors(town(GROUND), threads=1, cache=tmp_path) as sensors:
+            ((_, frame),) = sensors.capture(world, [within])
+        counts.append((frame.points["object_idx"] == CAR).sum())
+    assert counts[1] == pytest.approx(counts[0], rel=0.2)
+    assert counts[0] > 300

@@ -132,9 +132,10 @@ class VoxelScan:
         middle = np.einsum("nij,nj->ni", turned, middle) + moved
         reach = np.einsum("nij,nj->ni", np.abs(turned), half)
         near = ((middle + reach >= 0.0) & (middle - reach < self._size)).all(axis=1)
+        owners = (frame.body + 1).tolist()  # a wheel's is its vehicle's body
         for row in np.sort(scene.top_row[near[scene.top_row]]).tolist():
             root, tags = int(scene.root[row]), frame.actors.tag
-            count = self._of(scene.actors, root, matrices[row], _ALL, tags, row + 1, count)
+            count = self._of(scene.actors, root, matrices[row], _ALL, tags, owners[row], count)
         return count
 
     def _of(

@@ -30,13 +30,12 @@ Rgb = tuple[int, int, int]
 _Lines = tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.uint8]]
 """Ends ``(L, 2, 3)`` in the world, widths in metres and colours of lines."""
 
-_LIGHT: Rgb = (109, 144, 136)
-_SIGN: Rgb = (214, 144, 137)
-_POLE: Rgb = (58, 4, 124)
+_LIGHT: Rgb = (252, 157, 155)
+_SIGN: Rgb = (131, 175, 155)
+_POLE: Rgb = (66, 40, 144)
 _VEHICLE: Rgb = (255, 0, 0)
 _WALKER: Rgb = (0, 255, 0)
-_BOX_LINE_M = 0.10
-_POLE_LINE_M = 0.20
+_LINE_M = 0.10
 _NEAR_M = 0.1
 _FAR_M = 150.0
 
@@ -57,7 +56,7 @@ class CosmosCamera(CameraSensor):
     def __init__(self, request: SensorRequest, town: Town) -> None:
         super().__init__(request, town)
         self._blueprints = catalogue()
-        self._scenery = _scenery(town)
+        self._scenery, self._owner = _scenery(town)
 
     def measure(self, state: WorldState, request: SensorRequest, view: View) -> ImageFrame:
         """The lines on black, alpha 255."""
@@ -83,7 +82,10 @@ class CosmosCamera(CameraSensor):
         return self.image(pixels)
 
     def _lines(self, state: WorldState, ignored: frozenset[int]) -> _Lines:
-        parts = [self._scenery]
+        hidden = [] if state.town_changes is None else list(state.town_changes.hidden)
+        ends, width, colours = self._scenery
+        shown = ~np.isin(self._owner, hidden)
+        parts = [(ends[shown], width[shown], colours[shown])]
         for row, kind in enumerate(state.kind.tolist()):
             if kind not in (ActorKind.VEHICLE, ActorKind.WALKER):
                 continue
@@ -109,7 +111,7 @@ def _box(
     placed = corners @ world_from_box[:3, :3].T + world_from_box[:3, 3]
     ends = np.array([[placed[a], placed[b]] for a, b in _EDGES])
     count = len(_EDGES)
-    return ends, np.full(count, _BOX_LINE_M, np.float32), np.full((count, 3), colour, np.uint8)
+    return ends, np.full(count, _LINE_M, np.float32), np.full((count, 3), colour, np.uint8)
 
 
 def _oriented(box: OrientedBox, colour: Rgb) -> _Lines:
@@ -118,7 +120,7 @@ def _oriented(box: OrientedBox, colour: Rgb) -> _Lines:
 
 def _pole(foot: NDArray[np.float64], height_m: float) -> _Lines:
     ends = foot + np.array([[[0.0, 0.0, 0.0], [0.0, 0.0, height_m]]])
-    return ends, np.full(1, _POLE_LINE_M, np.float32), np.array([_POLE], np.uint8)
+    return ends, np.full(1, _LINE_M, np.float32), np.array([_POLE], np.uint8)
 
 
 def _joined(parts: Sequence[_Lines]) -> _Lines:
@@ -127,17 +129,22 @@ def _joined(parts: Sequence[_Lines]) -> _Lines:
     return np.concatenate(ends), np.concatenate(widths), np.concatenate(colours)
 
 
-def _scenery(town: Town) -> _Lines:
-    """Boxes of signs and of the heads of traffic lights; poles and masts that stand upright."""
-    parts: list[_Lines] = []
+def _scenery(town: Town) -> tuple[_Lines, NDArray[np.int64]]:
+    """Boxes of signs and of the heads of traffic lights; poles and masts that stand upright.
+
+    Returns:
+        The lines, and ``(L,)`` the level object that each belongs to, 0 for lights.
+    """
+    parts: list[tuple[int, _Lines]] = []
     for site in town.traffic_lights:
-        parts += [_oriented(box, _LIGHT) for box in head_boxes(site)]
-        parts.append(_pole(np.array(site.location), light_mast_height_m(site.head)))
+        parts += [(0, _oriented(box, _LIGHT)) for box in head_boxes(site)]
+        parts.append((0, _pole(np.array(site.location), light_mast_height_m(site.head))))
     for piece in town.level_objects:
         box = piece.box
         if piece.label == CityObjectLabel.TRAFFIC_SIGNS:
-            parts.append(_oriented(box, _SIGN))
+            parts.append((piece.object_id, _oriented(box, _SIGN)))
         elif piece.label == CityObjectLabel.POLES and box.extent[2] >= max(box.extent[:2]):
             foot = np.array(box.center) - np.array([0.0, 0.0, box.extent[2]])
-            parts.append(_pole(foot, 2.0 * box.extent[2]))
-    return _joined(parts)
+            parts.append((piece.object_id, _pole(foot, 2.0 * box.extent[2])))
+    owner = np.array([object_id for object_id, lines in parts for _ in lines[0]], np.int64)
+    return _joined([lines for _, lines in parts]), owner

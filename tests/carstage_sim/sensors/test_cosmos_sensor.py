@@ -10,9 +10,10 @@ from carstage_sim.labels import CityObjectLabel
 from carstage_sim.maps.town import LevelObject, OrientedBox, Town, TrafficLightSite
 from carstage_sim.sensors.cosmos import CosmosCamera
 from carstage_sim.sensors.measurements import SensorRequest
+from carstage_sim.world.town_changes import TownChanges
 from sensor_worlds import GROUND, request, state, town
 
-RED, SIGN, LIGHT, POLE = (255, 0, 0), (214, 144, 137), (109, 144, 136), (58, 4, 124)
+RED, SIGN, LIGHT, POLE = (255, 0, 0), (131, 175, 155), (252, 157, 155), (66, 40, 144)
 
 
 def picture(place: Town, world, frame_request: SensorRequest) -> np.ndarray:
@@ -66,6 +67,16 @@ def test_traffic_lights_are_boxes_of_their_heads_on_upright_masts() -> None:
     assert 60 < mast.mean() - ahead.min() < 110
     assert np.ptp(mast) < 6
     assert high.min() < 60 < high.max()
+
+
+def test_what_clients_hid_is_not_drawn() -> None:
+    post = OrientedBox((8.0, 0.0, 2.0), (0.1, 0.1, 2.0), (0.0, 0.0, 0.0))
+    pole = LevelObject(5, "pole", CityObjectLabel.POLES, post)
+    place = replace(town(GROUND), level_objects=(pole,))
+    asked = request("camera.cosmos_visualization")
+    assert picture(place, state(1), asked).any()
+    hidden = replace(state(1), town_changes=TownChanges(hidden=frozenset({5})))
+    assert not picture(place, hidden, asked).any()
 
 
 def test_ignored_vehicles_are_not_drawn_but_walkers_are() -> None:

@@ -36,6 +36,11 @@ from carstage_sim.world.state import Weather, WorldState
 LARGEST_SIDE_PX = 8192
 MOST_PIXELS = 7680 * 4320
 _MOST_STOPS = 30.0
+_FILM_LIMITS = 0.01, 1e6
+"""Of shutter speed, ISO and f-stop: far beyond those of cameras, and still to be computed with."""
+_MOST_BOUND_EV = 100.0
+_LEAST_BRIGHTEST_EV, _MOST_DARKEST_EV = -10.0, 30.0
+"""What bounds all pictures to white, and to black."""
 _LONGEST_SHUTTER_S = 0.1
 
 _log = logging.getLogger(__name__)
@@ -168,7 +173,7 @@ def film_of(attributes: Mapping[str, str]) -> Film:
     """The film that a camera's exposure attributes describe.
 
     Raises:
-        SensorAttributeError: a value is no number, or not positive where it has to be.
+        SensorAttributeError: a value is no number, or no picture can be exposed by it.
     """
     usual = Film()
     film = Film(
@@ -182,13 +187,15 @@ def film_of(attributes: Mapping[str, str]) -> Film:
         gamma=number(attributes, "gamma", usual.gamma),
     )
     within("exposure_compensation", film.compensation_ev, -_MOST_STOPS, _MOST_STOPS)
+    within("exposure_min_bright", film.darkest_ev, -_MOST_BOUND_EV, _MOST_DARKEST_EV)
+    within("exposure_max_bright", film.brightest_ev, _LEAST_BRIGHTEST_EV, _MOST_BOUND_EV)
     for name, value in (
         ("shutter_speed", film.shutter_per_s),
         ("iso", film.iso),
         ("fstop", film.f_stop),
-        ("gamma", film.gamma),
     ):
-        require(value > 0, f"{name} must be positive")
+        within(name, value, *_FILM_LIMITS)
+    require(film.gamma > 0, "gamma must be positive")
     return film
 
 

@@ -185,3 +185,33 @@ def test_a_picture_that_was_announced_has_its_film_though_later_ones_were_announ
 def test_a_speed_that_is_no_number_is_refused(sensors, name):
     with pytest.raises(SensorAttributeError, match=name):
         pictures(sensors, [_NOON], **{name: "fast"})
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("exposure_min_bright", 490),
+        ("exposure_max_bright", -450),
+        ("fstop", 1e-160),
+        ("iso", 1e12),
+        ("shutter_speed", 1e-9),
+        ("fstop", 0),
+    ],
+)
+def test_an_exposure_that_no_picture_can_have_is_refused(name, value):
+    with pytest.raises(SensorAttributeError, match=name):
+        RgbCamera(request("camera.rgb", **{name: value}), town(GROUND, WALL))
+
+
+@pytest.mark.parametrize(
+    ("code", "attributes"),
+    [
+        (0, {"exposure_min_bright": 30, "exposure_compensation": -30}),
+        (255, {"exposure_max_bright": -10, "exposure_compensation": 30}),
+        (0, {"exposure_mode": "manual", "fstop": 1e6, "shutter_speed": 1e6, "iso": 0.01}),
+        (255, {"exposure_mode": "manual", "fstop": 0.01, "shutter_speed": 0.01, "iso": 1e6}),
+    ],
+)
+def test_the_extremes_of_exposure_are_black_and_white(sensors, code, attributes):
+    (seen,) = pictures(sensors, [_NOON], **attributes)
+    assert set(np.unique(seen[-8:, :, :3]).tolist()) == {code}, "the ground"

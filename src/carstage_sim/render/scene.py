@@ -154,11 +154,20 @@ class Frame:
     def without(self, actor_ids: frozenset[int]) -> Frame:
         """The same frame, but rays pass through some actors."""
         gone = np.isin(self.actor_id, np.fromiter(actor_ids, np.uint32, len(actor_ids)))
-        return replace(self, scene=self._of_rows(np.nonzero(~gone)[0])) if gone.any() else self
+        return replace(self, scene=self._of_rows(self._left(~gone))) if gone.any() else self
 
-    def only(self, rows: NDArray[np.intp]) -> Scene:
-        """The scene of some instances without the town; the rows keep their numbers."""
-        return self._of_rows(rows)._replace(static=empty_geometry())
+    def only(self, wanted: NDArray[np.bool_]) -> Scene:
+        """The scene of some instances without the town; the rows keep their numbers.
+
+        Args:
+            wanted: ``(I,)``; rays pass through the others, and through whom they did before.
+        """
+        return self._of_rows(self._left(wanted))._replace(static=empty_geometry())
+
+    def _left(self, wanted: NDArray[np.bool_]) -> NDArray[np.int32]:
+        """Wanted rows of those that rays meet, ascending."""
+        rows = np.sort(self.scene.top_row)
+        return rows[wanted[rows]]
 
     def moved(self, rotation: NDArray[np.float32], position: NDArray[np.float32]) -> Scene:
         """The scene with its instances elsewhere; the rows keep their numbers and shapes.
@@ -178,7 +187,9 @@ class Frame:
         """
         return self._of_rows(np.sort(self.scene.top_row), spare_m)
 
-    def _of_rows(self, rows: NDArray[np.intp], spare_m: NDArray[np.float32] | None = None) -> Scene:
+    def _of_rows(
+        self, rows: NDArray[np.int32], spare_m: NDArray[np.float32] | None = None
+    ) -> Scene:
         scene = self.scene
         spare_m = None if spare_m is None else spare_m[rows]
         top = top_tree(scene.rotation[rows], scene.position[rows], self.bounds[rows], spare_m)

@@ -100,4 +100,4 @@ class ObstacleDetector(MeasuringSensor):
         if not self.only_dynamics:
             return frame.without(frozenset((owner_id,))).scene
         kinds = state.kind[np.searchsorted(state.actor_id, frame.actor_id)]
-        return frame.only(np.flatnonzero(np.isin(kinds, _DYNAMIC) & (frame.actor_id != owner_id)))
+        return frame.only(np.isin(kinds, _DYNAMIC) & (frame.actor_id != owner_id))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -98,3 +100,16 @@ def test_the_rays_of_a_ball_cover_it():
     across, half = ball_rays(2.0)
     assert len(across) == 91
     np.testing.assert_allclose(np.hypot(across[:, 0], across[:, 1]) ** 2 + half**2, 4.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("options", [{}, {"only_dynamics": "true"}])
+def test_what_it_ignores_stays_ignored_beside_its_carrier(sensors, options):
+    world = state(1, vehicles=[(3, (6.0, 0.0, 0.0), 90.0), (4, (0.0, 0.0, 0.0), 0.0)])
+    asked = request(
+        "other.obstacle", location=(0.0, 0.0, 0.9), distance=7.0, hit_radius=0.3, owner_id=4,
+        **options,
+    )  # fmt: skip
+    for ignored, found in ((set(), [3]), ({3}, [])):
+        sensors.reset()
+        frames = sensors.capture(world, [replace(asked, ignored=frozenset(ignored))])
+        assert [frame.other_id for _, frame in frames] == found

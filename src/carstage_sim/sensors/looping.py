@@ -74,7 +74,8 @@ class LoopingSensor(Sensor):
     def _noisy(self, frame: SensorFrame, sensor_id: int) -> SensorFrame:
         if self._noise == 0.0 or not isinstance(frame, ImageFrame):
             return frame
-        random = np.random.default_rng([sensor_id, len(self._reports)])
+        # Ids of a camera's buffers are below 0.
+        random = np.random.default_rng([sensor_id & 0xFFFFFFFF, len(self._reports)])
         return dataclasses.replace(frame, pixels=with_noise(frame.pixels, self._noise, random))
 
 

@@ -296,6 +296,15 @@ def test_noise_of_looping_sensors_is_on_colours_alone_and_the_same_again(trees):
     assert np.std(added[..., :3][inside]) == pytest.approx(4.0, abs=0.3)
 
 
+def test_noise_is_on_the_colours_of_a_cameras_buffers_too(trees):
+    """Ids of buffers are below 0."""
+    with WorldSensors(town(GROUND, WALL), threads=1, loop=Looping(1, 4.0), cache=trees) as sensors:
+        cameras = [request("camera.rgb", 10), request("camera.rgb", -7)]
+        camera, buffer = (frame.pixels for _, frame in sensors.capture(moving(1), cameras))
+    assert not np.array_equal(camera, buffer)
+    assert np.abs(camera.astype(int) - buffer).max() < 60
+
+
 def test_looping_sensors_keep_to_their_interval(trees):
     slow = request("camera.depth", 10, sensor_tick=0.2)
     with WorldSensors(town(GROUND, WALL), threads=1, loop=Looping(1), cache=trees) as sensors:

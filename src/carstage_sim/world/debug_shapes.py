@@ -1,7 +1,8 @@
 """Debug shapes in the world: points and lines that live for some simulated seconds.
 
-Arrows and boxes are lines by the time they get here. As in CARLA, RGB cameras see them and no other
-sensor does; the world only keeps count of their lives.
+Arrows and boxes are lines by the time they get here. As in CARLA, RGB cameras see them and event
+cameras, which show the same scene, and no other sensor does. The world only keeps count of their
+lives.
 """
 
 from __future__ import annotations

@@ -144,6 +144,18 @@ def test_debug_lines_are_seen_by_colour_cameras_alone_and_hide_behind_walls(look
     assert (look(debug_shapes=drawing.frame) == plain).all()
 
 
+def test_an_event_camera_sees_a_debug_line_appear(sensors):
+    drawing = DebugDrawing()
+    drawing.lines([((6.0, -1.0, 2.0), (6.0, 1.0, 2.0))], 0.6, (255, 255, 255), 0.0, 1.0)
+    drawing.step(0.0)
+    sensors.reset()
+    asked = [request("camera.dvs")]
+    assert sensors.capture(state(1), asked) == []
+    ((_, frame),) = sensors.capture(replace(state(2), debug_shapes=drawing.frame), asked)
+    middle = (np.abs(frame.events["y"].astype(int) - 24) <= 4).mean()
+    assert middle > 0.95
+
+
 def test_a_point_has_its_size_in_pixels_at_any_distance(look):
     sizes = []
     for distance in (3.0, 9.0):

@@ -244,6 +244,10 @@ def _root(text: str | bytes) -> etree._Element:
         root = etree.fromstring(content, parser)
     except etree.XMLSyntaxError as error:
         refuse("as a whole", f"it is no well-formed XML: {error.msg}")
+    if None in root.nsmap:  # a default namespace, which CARLA's reader does not know
+        for element in root.iter("{*}*"):
+            if element.prefix is None:
+                element.tag = etree.QName(element).localname
     if root.tag != "OpenDRIVE":
         refuse("as a whole", f"its root is <{str(root.tag)[:80]}>, not <OpenDRIVE>")
     return root

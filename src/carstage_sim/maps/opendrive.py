@@ -20,6 +20,7 @@ import numpy as np
 from lxml import etree
 from numpy.typing import NDArray
 
+from carstage_sim.maps.checking import root_of
 from carstage_sim.maps.road_objects import (
     Place,
     ReferenceAt,
@@ -63,7 +64,7 @@ def sample(opendrive: str, name: str) -> dict[str, np.ndarray]:
         ``record``: JSON, uint8, see :mod:`carstage_sim.maps.signals`.
     """
     town = carla.Map(name, opendrive)
-    root = etree.fromstring(opendrive.encode(), etree.XMLParser(huge_tree=True, encoding="utf-8"))
+    root = root_of(opendrive)
     columns: dict[str, list[object]] = {
         key: []
         for key in (

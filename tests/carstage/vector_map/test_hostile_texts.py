@@ -31,7 +31,7 @@ REFUSED = {
     "cut": (PLAIN[:-40], "no well-formed XML"),
     "half a character": ("<OpenDRIVE>\ud800</OpenDRIVE>", "surrogates not allowed"),
     "another root": ("<svg/>", "its root is <svg>"),
-    "a namespace": ('<OpenDRIVE xmlns="http://x"/>', "its root is <{http://x}OpenDRIVE>"),
+    "a prefix": ('<x:OpenDRIVE xmlns:x="http://x"/>', "its root is <{http://x}OpenDRIVE>"),
     "entities": (BOMB, "DOCTYPE or entities"),
     "deep": ("<OpenDRIVE>" + "<a>" * 5000 + "</a>" * 5000 + "</OpenDRIVE>", "no well-formed XML"),
     "one road twice": (

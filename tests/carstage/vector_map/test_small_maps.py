@@ -196,3 +196,16 @@ def test_a_crosswalk_is_its_outline_or_its_length_and_width(outline: str) -> Non
 
 def test_a_text_without_roads_is_a_map_without_lanes() -> None:
     assert vector_map(small_maps.document()).lanes == ()
+
+
+def test_elements_of_asam_s_namespace_are_read_as_carla_reads_them() -> None:
+    walk = '<object id="3" type="crosswalk" name="" s="100" t="0" length="4" width="8"/>'
+    text = small_maps.document(small_maps.road(1, 0, 0, 0, 200, objects=walk))
+    schema = "http://code.asam.net/simulation/standard/opendrive_schema"
+    town = changed(
+        text,
+        ("<OpenDRIVE>", f'<OpenDRIVE xmlns="{schema}" xmlns:x="http://x">'),
+        ("</OpenDRIVE>", '<x:road id="2"/></OpenDRIVE>'),
+    )
+    assert [lane.id for lane in town.lanes] == [lane.id for lane in vector_map(text).lanes]
+    assert len(town.crosswalks) == 1

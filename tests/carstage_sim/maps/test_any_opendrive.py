@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import carla
 import numpy as np
 import pytest
 import shapely
@@ -36,6 +37,18 @@ def test_one_road_without_junction_sidewalk_or_reference_becomes_a_town():
     assert not [entry for entry in town.level_objects if entry.layer == MapLayer.BUILDINGS]
     on_road = town.lanes.location[::10]
     assert Ground(town.static_mesh).highest(on_road[:, :2]) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_elements_of_asam_s_namespace_are_read_as_carla_reads_them():
+    signals = small_maps.light(7, 190, (-1, -1))
+    text = small_maps.document(small_maps.road(1, 0, 0, 0, 200, signals=signals))
+    named = 'xmlns="http://code.asam.net/simulation/standard/opendrive_schema"'
+    foreign = '<x:road xmlns:x="http://x" id="2"/></OpenDRIVE>'
+    text = text.replace("<OpenDRIVE>", f"<OpenDRIVE {named}>").replace("</OpenDRIVE>", foreign)
+    town = bake("Named", text, BARE)
+    read = {w.lane_id for w in carla.Map("Named", text).generate_waypoints(10.0)}
+    assert set(town.lanes.lane_id.tolist()) == read == {-1, 1}
+    assert [site.sign_id for site in town.traffic_lights] == ["7"]
 
 
 def test_the_road_surface_follows_a_hill():
@@ -182,7 +195,7 @@ def test_a_sign_that_is_an_object_says_kmh():
         ("no xml at all", "no well-formed XML"),
         ("<OpenDRIVE>", "no well-formed XML"),
         ("<svg/>", "not an <OpenDRIVE>"),
-        ('<OpenDRIVE xmlns="http://x"/>', "remove the xmlns"),
+        ('<x:OpenDRIVE xmlns:x="http://x"/>', "not an <OpenDRIVE>"),
         ("<OpenDRIVE><header/></OpenDRIVE>", "no <road>"),
         (small_maps.one_road().replace('id="1"', 'id="main"', 1), "no whole number"),
         (small_maps.one_road().replace('length="200"', 'length="nan"'), "is no number"),

@@ -309,7 +309,7 @@ LANE_LINE_COLUMNS: tuple[Column, ...] = (
         "map_id",
         "str",
         "",
-        "id in the vector map; of a boundary the id of its lane, and `left` or `right`",
+        "id in the vector map; of a boundary that of its lane, `left` or `right`, and a number",
     ),
     Column("part", "i32", "", "from 0: a line may leave the picture and come back"),
     Column("type", "str", "", "of a marking or a painted object, as in the vector map; else empty"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -28,7 +28,8 @@ class TownLine:
 
     Attributes:
         kind: what it is; a ``boundary`` is that of a driven lane where nothing is painted.
-        map_id: its id in the vector map; of a boundary that of its lane, and ``left`` or ``right``.
+        map_id: its id in the vector map; of a boundary that of its lane, ``left`` or ``right``, and
+            a number.
         type, colour: of a marking or a painted object as in the vector map; else empty.
         width_m: of a marking's paint, of double lines over both; of a stop line; else 0.
         places: ``(N, 3)`` in the world (m); of an area its corners, not closed.
@@ -85,9 +86,12 @@ def _lines(town: VectorMap) -> Iterator[TownLine]:
             ("left", lane.left_markings, lane.left_boundary, lane.left_neighbour),
             ("right", lane.right_markings, lane.right_boundary, lane.right_neighbour),
         ):
-            # A boundary of two driven lanes is that of one of them.
-            if not marks and (neighbour not in driven or lane.id < neighbour):
-                yield TownLine("boundary", f"{lane.id}/{side}", "", "", 0.0, with_steps(line))
+            if neighbour in driven and lane.id > neighbour:
+                continue  # a boundary of two driven lanes is that of one of them
+            stations = [town.marking_by_id[name].s_m for name in marks]
+            for number, bare in enumerate(_bare(line, lane.s_m, stations)):
+                name = f"{lane.id}/{side}/{number}"
+                yield TownLine("boundary", name, "", "", 0.0, with_steps(bare))
     for walk in town.crosswalks:
         yield TownLine("crosswalk", walk.id, "", "", 0.0, walk.outline[:-1])
     for stop in town.stop_lines:
@@ -96,6 +100,24 @@ def _lines(town: VectorMap) -> Iterator[TownLine]:
     for painted in town.painted_objects:
         corners = painted.outline[:-1]
         yield TownLine("painted_object", painted.id, painted.type, painted.colour, 0.0, corners)
+
+
+def _bare(line: FloatArray, s_m: FloatArray, painted: Sequence[FloatArray]) -> Iterator[FloatArray]:
+    """The stretches of a lane's boundary that no marking lies on.
+
+    Args:
+        line: ``(N, 3)`` the boundary.
+        s_m: ``(N,)`` stations of its places.
+        painted: the stations ``(2,)`` where each marking begins and ends.
+    """
+    between = (s_m[:-1] + s_m[1:]) / 2
+    is_bare = np.ones(len(between), bool)
+    for begin_m, end_m in painted:
+        is_bare &= (between < begin_m) | (between > end_m)
+    pieces = np.flatnonzero(is_bare)
+    for run in np.split(pieces, np.flatnonzero(np.diff(pieces) > 1) + 1):
+        if len(run):
+            yield line[run[0] : run[-1] + 2]
 
 
 def with_steps(line: FloatArray, step_m: float = STEP_M) -> FloatArray:

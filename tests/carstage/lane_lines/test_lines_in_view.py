@@ -102,9 +102,29 @@ def test_an_arrow_is_the_rectangle_around_it(town) -> None:
 
 def test_a_boundary_without_paint_is_a_boundary(town) -> None:
     rows = by_name(lines_in_view(town, view(ground_depth())))
-    middle = rows["boundary", "1/0/-1/left"]
+    middle = rows["boundary", "1/0/-1/left/0"]
     assert (middle["type"], middle["width"]) == ("", 0.0)
     np.testing.assert_allclose(middle["x"], -1.75, atol=1e-3)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_what_is_left_bare_of_a_painted_boundary_is_a_boundary(side: int) -> None:
+    solid = '<roadMark sOffset="0" type="solid" color="white" width="0.15"/>'
+    parts = (
+        '<roadMark sOffset="0" type="none"/><roadMark sOffset="50" type="broken" color="white"/>'
+        '<roadMark sOffset="80" type="solid" color="white"/><roadMark sOffset="120" type="none"/>'
+    )
+    lines = TownLines.of(vector_map(small_maps.one_road().replace(solid, parts))).lines
+    found = {
+        line.map_id: line.places
+        for line in lines
+        if line.kind == "boundary" and line.map_id.startswith(f"1/0/{side}/right")
+    }
+    names = [f"1/0/{side}/right/{number}" for number in (0, 1)]
+    assert sorted(found) == names
+    ends = [(found[name][:, 0].min(), found[name][:, 0].max()) for name in names]
+    assert sorted(ends) == [(0.0, 50.0), (120.0, 200.0)]
+    assert all((places[:, 1] == -side * 3.5).all() for places in found.values())
 
 
 def test_what_leaves_the_picture_and_comes_back_has_parts() -> None:

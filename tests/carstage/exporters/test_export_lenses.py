@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 from analytic_dataset import attempt_of, edit_rows, recommit
 from carstage.errors import BadInputError
@@ -81,11 +82,11 @@ def test_a_camera_without_a_place_is_left_out(
     [
         *(
             (name, "CARLA's own", "^'CAM_LEFT' has a lens distortion of CARLA's own")
-            for name in ("coco", "yolo", "nuscenes", "kitti-object", "kitti-tracking")
+            for name in ("coco", "yolo", "nuscenes", "kitti-object", "kitti-tracking", "opv2v")
         ),
         *(
             (name, "brown_conrady", "the camera model brown_conrady of 'CAM_LEFT'")
-            for name in ("nuscenes", "kitti-object")
+            for name in ("nuscenes", "kitti-object", "opv2v")
         ),
     ],
 )
@@ -103,3 +104,19 @@ def test_a_rig_without_any_other_camera_is_refused(dataset, tmp_path: Path, name
     bent = with_lenses(dataset, tmp_path, "CARLA's own", "CAM_FRONT", "CAM_LEFT")
     with pytest.raises(BadInputError, match="lens distortion of CARLA's own"):
         export_dataset(name, bent, tmp_path / "out", workers=0)
+
+
+@pytest.mark.parametrize(
+    ("cameras", "left"), [(("CAM_LEFT",), ["CAM_FRONT"]), (("CAM_FRONT", "CAM_LEFT"), [])]
+)
+@pytest.mark.parametrize("lens", LENSES)
+def test_opv2v_has_the_pinholes_of_an_agent(
+    dataset, tmp_path: Path, lens: str, cameras: tuple[str, ...], left: list[str]
+) -> None:
+    bent = with_lenses(dataset, tmp_path, lens, *cameras)
+    export_dataset("opv2v", bent, tmp_path / "out", workers=0)
+    (path,) = (tmp_path / "out").rglob("data_protocol.yaml")
+    (agent,) = yaml.safe_load(path.read_text())["agents"].values()
+    assert agent["cameras"] == left
+    pictures = {picture.stem.split("_")[1] for picture in path.parent.rglob("*.png")}
+    assert pictures == {f"camera{number}" for number in range(len(left))}

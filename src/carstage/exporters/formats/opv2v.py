@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Final
 
@@ -15,8 +15,9 @@ from carstage.exporters.exporter import Exporter, register
 from carstage.exporters.formats.opv2v_files import frame_document, pcd, write_yaml
 from carstage.exporters.formats.pictures import copy_as_png
 from carstage.exporters.labels import require_labels
+from carstage.exporters.lenses import no_place_for
 from carstage.exporters.options import ExportOptions
-from carstage.exporters.rigs import colour_cameras, main_lidar
+from carstage.exporters.rigs import main_lidar
 from carstage.exporters.splits import Split
 from carstage.exporters.variants import variant_entry
 from carstage.sensor_kinds.model import COLOUR
@@ -137,7 +138,8 @@ def cooperative_agents(episode: Episode, options: ExportOptions) -> tuple[Cooper
     the others.
 
     Raises:
-        BadInputError: one has no LiDAR, or there are several roadside units.
+        BadInputError: one has no LiDAR, a camera that is named has a lens, or there are several
+            roadside units.
     """
     views = episode.views
     vehicles = [view for view in views if view.spec.ego.is_vehicle]
@@ -187,11 +189,7 @@ def _agent(view: Episode, folder: str, options: ExportOptions) -> CooperativeAge
             f"Episode {view.id}: {whose} has no LiDAR, which OPV2V is about.",
             "Add a sensor of kind lidar to its rig, or choose other episodes with --episode.",
         )
-    own = {sensor.id for sensor in view.sensors if sensor.content == COLOUR}
-    cameras: tuple[SensorCalibration, ...] = ()
-    if own:
-        chosen = tuple(name for name in options.cameras if name in own)
-        cameras = colour_cameras(view, replace(options, cameras=chosen), labelled=False)
+    cameras = _cameras(view, options)
     return CooperativeAgent(
         view.agent_name,
         folder,
@@ -199,3 +197,13 @@ def _agent(view: Episode, folder: str, options: ExportOptions) -> CooperativeAge
         lidar.id,
         cameras[:MOST_CAMERAS],
     )
+
+
+def _cameras(view: Episode, options: ExportOptions) -> tuple[SensorCalibration, ...]:
+    """An agent's colour cameras that the options name, else all without a lens."""
+    own = {s.id: s.calibration for s in view.sensors if s.content == COLOUR}
+    named = [own[name] for name in dict.fromkeys(options.cameras) if name in own]
+    for camera in named:
+        if not camera.is_pinhole:
+            raise no_place_for(camera)
+    return tuple(named or (camera for camera in own.values() if camera.is_pinhole))

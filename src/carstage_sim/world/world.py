@@ -19,7 +19,8 @@ from carstage_sim.maps.town import Town
 from carstage_sim.world.actors import Actor, ActorTable, VehicleStatus
 from carstage_sim.world.arm_probe import ArmProbe
 from carstage_sim.world.attachments import Attachments
-from carstage_sim.world.blueprints import Blueprint, catalogue
+from carstage_sim.world.blueprints import catalogue
+from carstage_sim.world.blueprints.given_values import actor_attributes
 from carstage_sim.world.blueprints.walkers import seated
 from carstage_sim.world.contacts.overlap import is_blocked
 from carstage_sim.world.controls import (
@@ -239,8 +240,7 @@ class World:
 
         Args:
             type_id: blueprint id.
-            attributes: values that override the blueprint's; ones that it does not have are
-                ignored, and so are values of attributes that cannot be modified.
+            attributes: values that override the blueprint's, see :func:`actor_attributes`.
             pose: in the world, or in the parent's frame when there is a parent.
             parent_id: actor to attach it to; 0 for none.
             attachment: how it follows its parent.
@@ -248,7 +248,8 @@ class World:
                 actor may be where others are.
 
         Raises:
-            SpawnError: no such blueprint, parent or socket, or something is in the way.
+            SpawnError: no such blueprint, parent or socket, an attribute's value is not of its
+                type, or something is in the way.
         """
         blueprint = catalogue().get(type_id)
         if blueprint is None:
@@ -258,7 +259,7 @@ class World:
         if parent_id and attachment.socket:
             self._check_socket(parent_id, attachment.socket)
         placed = compose(self.actors.pose(parent_id), pose) if parent_id else pose
-        merged = _merged(blueprint, attributes)
+        merged = actor_attributes(blueprint, attributes)
         blueprint = seated(blueprint, merged)
         solid = blueprint.kind in (ActorKind.VEHICLE, ActorKind.WALKER)
         free = parent_id or wanted_id
@@ -620,12 +621,3 @@ class World:
     def freeze(self, delta_s: float) -> Snapshot:
         """The current frame as an immutable snapshot."""
         return freeze(self, self._sites, delta_s)
-
-
-def _merged(blueprint: Blueprint, attributes: Mapping[str, str]) -> dict[str, str]:
-    return {
-        attribute.id: attributes.get(attribute.id, attribute.value)
-        if attribute.modifiable and attribute.kept
-        else attribute.value
-        for attribute in blueprint.attributes
-    }

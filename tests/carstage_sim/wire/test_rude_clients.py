@@ -225,6 +225,31 @@ def test_reset_connection_costs_nobody_else_anything(
         client.value("tick_cue")
 
 
+@pytest.mark.parametrize(
+    ("type_id", "name", "good", "bad"),
+    [
+        ("vehicle.tesla.model3", "color", "0, 17,255", ("red", "1,2", "1,2,3,4", "1,2,256")),
+        ("vehicle.tesla.model3", "sticky_control", "FALSE", ("yes", "")),
+        ("static.trigger.friction", "friction", "3.5f", ("fast", "inf", "nan", "1e39", "")),
+        ("sensor.other.gnss", "noise_seed", "7", ("x", "1e999")),
+    ],
+)
+def test_attribute_that_clients_could_not_decode_is_refused_when_it_is_spawned(
+    client: RawClient, type_id: str, name: str, good: str, bad: tuple[str, ...]
+) -> None:
+    def spawn(value: str) -> list[object]:
+        answer: list[object] = client.call("spawn_actor", [0, type_id, [[name, 3, value]]], place)
+        return answer
+
+    place = client.value("get_map_info")[1][0]
+    for value in bad:
+        error, ((kind, (message,)),) = spawn(value)
+        assert (error, kind) == (None, 0)
+        assert message.startswith(f"{type_id}: attribute {name} is {value!r}, not ")
+    error, ((kind, _),) = spawn(good)
+    assert (error, kind) == (None, 1)
+
+
 def test_settings_come_back_to_clients_in_the_types_that_they_decode(client: RawClient) -> None:
     before = client.value("get_episode_settings")
     for index, value in ((0, "yes"), (1, 0.5), (3, None), (5, "x"), (5, 10**6), (7, 1), (8, "y")):

@@ -171,7 +171,11 @@ def test_undo_where_no_setting_is_typed_leaves_the_configuration(configure: Page
     seed.fill("99")
     wait_until_saved(page)
     for name in ("Search the settings", "Dataset folder"):
-        page.get_by_label(name).press("Control+z")
+        other = page.get_by_label(name)
+        before = other.input_value()
+        other.press_sequentially("e")
+        other.press("Control+z")
+        expect(other).to_have_value(before)
         expect(seed).to_have_value("99")
     seed.press("Control+z")
     expect(seed).to_have_value("7")

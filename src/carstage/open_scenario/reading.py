@@ -30,13 +30,20 @@ _PRIORITIES = (*PRIORITIES, "overwrite")
 """``overwrite`` is what OpenSCENARIO 1.0 and 1.1 call ``override``."""
 
 
-def town_of(content: bytes) -> str:
-    """The map that a file names by ``RoadNetwork/LogicFile``.
+def town_of(content: bytes, given: Mapping[str, Any]) -> str:
+    """The map that a file names by ``RoadNetwork/LogicFile``; the rest is not looked at.
+
+    Args:
+        content: of the file.
+        given: values of parameters that override the file's.
 
     Raises:
         ConfigError: it is no OpenSCENARIO, or names none.
     """
-    return _town(Element(root_of(content), {}))
+    root = root_of(content)
+    declared = root.iterfind("ParameterDeclarations/ParameterDeclaration")
+    values = {str(each.get("name")): str(each.get("value")) for each in declared}
+    return _town(Element(root, values | {name: str(value) for name, value in given.items()}))
 
 
 def read_storyboard(content: bytes, given: Mapping[str, Any]) -> tuple[str, StoryboardSpec]:
@@ -56,8 +63,8 @@ def read_storyboard(content: bytes, given: Mapping[str, Any]) -> tuple[str, Stor
         _XML_SCHEMA,
         "FileHeader ParameterDeclarations CatalogLocations RoadNetwork Entities Storyboard",
     )
-    town = _town(root)
     root = Element(document, _parameters(root.maybe("ParameterDeclarations"), given))
+    town = _town(root)
     header = root.child("FileHeader")
     if header.text("revMajor", "1") != "1":
         header.refuse("it is of another version than 1.x", "Write the file in OpenSCENARIO 1.x.")

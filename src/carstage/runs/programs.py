@@ -63,7 +63,8 @@ def read_program(
         if scenario.scenario_runner is None:
             file_town, storyboard = read_storyboard(content, scenario.params)
             return Storyboard(storyboard, file_town)
-        file_town, root = town_of(content), _runner_folder(scenario.scenario_runner)
+        file_town = town_of(content, scenario.params)
+        root = _runner_folder(scenario.scenario_runner)
         _answer(scenario.python, _ASK_RUNNER, _RUNNER_HINT)
         return ScenarioProgram(digest, _hash_of_modules(root), file_town, "scenario.file")
     town = scenario.map or _named_map(content.decode("utf-8", errors="replace"))

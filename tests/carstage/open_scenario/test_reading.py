@@ -132,6 +132,14 @@ def test_parameters_are_put_in_and_may_be_given() -> None:
         target(slow=6)
 
 
+def test_the_map_may_be_a_parameter() -> None:
+    declared = '<ParameterDeclaration name="town" parameterType="string" value="Stage01"/>'
+    text = scenario(ENTITIES, INIT, [], town="$town", parameters=declared).encode()
+    for given, expected in (({}, "Stage01"), ({"town": "Stage02"}, "Stage02")):
+        assert town_of(text, given) == expected
+        assert read_storyboard(text, given)[0] == expected
+
+
 def test_criteria_of_scenario_runner_and_its_environment_are_passed_over() -> None:
     criterion = (
         '<StopTrigger><ConditionGroup><Condition name="criteria_CollisionTest" delay="0" '
@@ -222,6 +230,6 @@ def test_what_is_beyond_is_refused_with_its_place(text: str, message: str) -> No
     ],
 )
 def test_hostile_files_are_refused(text: str, message: str) -> None:
-    for reads in (lambda: read(text), lambda: town_of(text.encode())):
+    for reads in (lambda: read(text), lambda: town_of(text.encode(), {})):
         with pytest.raises(ConfigError, match=message):
             reads()

@@ -120,9 +120,6 @@ def _signal(
     road: Road, element: etree._Element, lanes: tuple[str, ...], controllers: tuple[str, ...]
 ) -> Signal:
     where = f"road {road.number}, signal {word(element, 'id')}"
-    s, t = station_of(road, element), number(element, "t", where, 0.0, FARTHEST_M)
-    place = road.course.beside(np.array([s]), np.array([[t]]))[0, 0]
-    place[2] += number(element, "zOffset", where, 0.0, FARTHEST_M)
     value = number(element, "value", where, -1.0)
     kind, subtype, unit = (word(element, name) for name in ("type", "subtype", "unit"))
     limit = _SPEED_SIGN.fullmatch(word(element, "name")) if element.tag == "object" else None
@@ -132,7 +129,7 @@ def _signal(
         id=word(element, "id"),
         road_id=road.number,
         name=word(element, "name"),
-        place=carla_places(place),
+        place=carla_places(_stands(road, element, where)),
         type=kind,
         subtype=subtype,
         country=word(element, "country"),
@@ -142,6 +139,17 @@ def _signal(
         lanes=lanes,
         controllers=controllers,
     )
+
+
+def _stands(road: Road, element: etree._Element, where: str) -> FloatArray:
+    """Where a signal stands, in OpenDRIVE's frame: it may be elsewhere than where it applies."""
+    inertial = element.find("positionInertial")
+    if inertial is not None:
+        return np.array([number(inertial, name, where, 0.0, FARTHEST_M) for name in "xyz"])
+    s, t = station_of(road, element), number(element, "t", where, 0.0, FARTHEST_M)
+    place: FloatArray = road.course.beside(np.array([s]), np.array([[t]]))[0, 0]
+    place[2] += number(element, "zOffset", where, 0.0, FARTHEST_M)
+    return place
 
 
 def _governed(road: Road, element: etree._Element) -> list[str]:

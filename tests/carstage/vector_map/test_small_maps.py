@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import carla
 import numpy as np
 import pytest
 
@@ -136,6 +137,20 @@ def test_a_light_before_the_end_of_a_road_stops_its_lanes_there() -> None:
     assert signal.place.tolist() == [190, 6, 0]
     assert (stop.lanes, stop.signals, stop.source) == (("1/0/-1",), ("7",), "signal")
     assert stop.line.tolist() == [[190, 0, 0], [190, 3.5, 0]]
+
+
+def test_a_signal_may_stand_elsewhere_than_where_it_applies() -> None:
+    position = '<positionInertial x="205" y="-9" z="3" hdg="0.3"/>'
+    light = small_maps.light(7, 190, (-1, -1)).replace("</signal>", f"{position}</signal>")
+    text = small_maps.document(small_maps.road(1, 0, 0, 0, 200, signals=light))
+    town = vector_map(text)
+    (signal,), (stop,) = town.signals, town.stop_lines
+    assert signal.place.tolist() == [205, 9, 3]
+    assert stop.line.tolist() == [[190, 0, 0], [190, 3.5, 0]]
+    (landmark,) = carla.Map("Elsewhere", text).get_all_landmarks()
+    there = landmark.transform.location
+    # The client moves lights by 0.25 m.
+    assert signal.place == pytest.approx([there.x, there.y, there.z], abs=0.26)
 
 
 @pytest.mark.parametrize(("orientation", "lanes"), [("+", {-1}), ("-", {1}), ("none", {-1, 1})])

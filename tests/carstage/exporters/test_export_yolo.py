@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -94,3 +96,20 @@ def test_alexeyab_s_darknet_finds_the_labels(exported) -> None:
             path = path.replace(f"/images/{part}/", f"/labels/{part}/")
         found = Path(path).with_suffix(".txt").read_text()
         assert found == (out / "labels/train" / f"{picture.stem}.txt").read_text()
+
+
+@pytest.mark.parametrize("split", ["val", "test"])
+def test_without_training_ultralytics_gets_folders_that_are_there(
+    dataset, tmp_path: Path, split: str
+) -> None:
+    copy = Path(shutil.copytree(dataset, tmp_path / "dataset"))
+    shares = {"val": 0.2, "test": 0.2}
+    document = {"format_version": 1, "seed": 0, "shares": shares, "stratify": []}
+    episodes = {Dataset(copy).episodes[0].id: split}
+    (copy / "splits.json").write_text(json.dumps({**document, "episodes": episodes}))
+    export_dataset("yolo", copy, tmp_path / "out", workers=0)
+    text = (tmp_path / "out/data.yaml").read_text()
+    named = yaml.safe_load(text)
+    assert named["train"] == named["val"] == f"images/{split}"
+    assert (tmp_path / "out" / named["train"]).is_dir()
+    assert f"# No episode is for training.\ntrain: images/{split}\n" in text

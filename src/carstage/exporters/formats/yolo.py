@@ -145,8 +145,11 @@ class Yolo(Exporter):
             f"  {number}: {json.dumps(name, ensure_ascii=False)}\n"
             for number, name in enumerate(self._names)
         )
-        folders = {split: f"{split}: images/{split}\n" for split in self._splits}
-        # Ultralytics refuses a file without `val`.
-        folders.setdefault("val", "# No episode is for validation.\nval: images/train\n")
+        # Ultralytics refuses a file without one of these two.
+        folders = {
+            split: f"# No episode is for {purpose}.\n{split}: images/{self._splits[0]}\n"
+            for split, purpose in (("train", "training"), ("val", "validation"))
+        }
+        folders |= {split: f"{split}: images/{split}\n" for split in self._splits}
         text = "".join(folders.values()) + f"names:\n{names}"
         (self._folder / "data.yaml").write_text(text, "utf-8")

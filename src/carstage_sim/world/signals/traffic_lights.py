@@ -107,7 +107,8 @@ class TrafficLightSystem:
 
     Attributes:
         state: ``(L,)`` uint8, values of :class:`TrafficLightState`.
-        elapsed_s: ``(L,)`` float64 seconds since each light's state last changed.
+        elapsed_s: ``(L,)`` float64 seconds since the phase whose turn it is went on to the state
+            that it shows; 0 of the lights of all other phases, as CARLA's controllers count.
         green_s, yellow_s, red_s: ``(L,)`` float64 durations; equal within a phase.
         frozen: ``(L,)`` bool.
         turned_red: ``(L,)`` bool, whether the last step found a light red that was not before.
@@ -151,7 +152,6 @@ class TrafficLightSystem:
         self._was_red = is_red
 
     def _advance_all(self, delta_s: float, queues: Queues | None) -> None:
-        self.elapsed_s = np.where(self.frozen, self.elapsed_s, self.elapsed_s + delta_s)
         for junction in self._junctions:
             if self.frozen[junction.lights[0]]:
                 continue
@@ -163,6 +163,8 @@ class TrafficLightSystem:
                 self._actuate(junction, delta_s, counts, is_used=is_used, is_clear=is_clear)
             else:
                 self._advance(junction, [0] * len(junction.phases))
+            self.elapsed_s[junction.lights] = 0.0
+            self.elapsed_s[junction.phases[junction.active]] = junction.elapsed_s
 
     def _actuate(
         self,
@@ -204,7 +206,7 @@ class TrafficLightSystem:
             if junction.part == TrafficLightState.GREEN:
                 junction.active = _next_phase(junction, counts)
                 junction.unused_s = 0.0
-            self._show(junction.phases[junction.active], junction.part, junction.elapsed_s)
+            self.state[junction.phases[junction.active]] = junction.part
 
     def _duration_s(self, junction: _Junction) -> float:
         light = junction.phases[junction.active][0]
@@ -216,24 +218,23 @@ class TrafficLightSystem:
         # A zero duration in every part must not spin for ever.
         return max(float(durations[junction.part][light]), 1e-3)
 
-    def _show(self, lights: list[int], state: TrafficLightState, elapsed_s: float) -> None:
-        self.state[lights] = state
-        self.elapsed_s[lights] = elapsed_s
-
     def set_state(self, index: int, state: int) -> None:
         """Shows a state at one light until its junction's cycle next changes it."""
         self._junction_of[index].is_led_by_client = True
-        self._show([index], TrafficLightState(state), 0.0)
+        self.state[index] = TrafficLightState(state)
 
     def show(self, index: int, state: int, elapsed_s: float) -> None:
         """Shows what a replay says of one light."""
-        self._show([index], TrafficLightState(state), elapsed_s)
+        self.state[index] = TrafficLightState(state)
+        self.elapsed_s[index] = elapsed_s
 
     def adopt_states(self) -> None:
         """Lets every cycle go on from the states that are shown, for the end of a replay."""
         running = (TrafficLightState.GREEN, TrafficLightState.YELLOW)
         for junction in self._junctions:
             junction.part = TrafficLightState.RED
+            since_s = [self.elapsed_s[phase[0]] for phase in junction.phases]
+            junction.active = int(np.argmax(since_s))  # while all are red one clock runs
             for number, phase in enumerate(junction.phases):
                 if self.state[phase[0]] in running:
                     junction.active = number
@@ -281,8 +282,9 @@ class TrafficLightSystem:
     def _reset(self, junction: _Junction) -> None:
         junction.active, junction.part, junction.elapsed_s = 0, TrafficLightState.GREEN, 0.0
         junction.unused_s, junction.waited_s = 0.0, [0.0] * len(junction.phases)
-        self._show(junction.lights, TrafficLightState.RED, 0.0)
-        self._show(junction.phases[0], TrafficLightState.GREEN, 0.0)
+        self.elapsed_s[junction.lights] = 0.0
+        self.state[junction.lights] = TrafficLightState.RED
+        self.state[junction.phases[0]] = TrafficLightState.GREEN
 
     def group(self, index: int) -> list[int]:
         """Indices of all lights of a light's junction, itself included, ascending."""

@@ -34,10 +34,13 @@ def site(sign_id: str, junction_id: int, phase: int, yaw_deg: float = 0.0) -> Tr
     )
 
 
+SITES = [site("0", 1, 0), site("1", 1, 1), site("2", 1, 0), site("3", 2, 0)]
+"""Junction 1: lights 0 and 2 in phase 0, light 1 in phase 1; junction 2: light 3 alone."""
+
+
 @pytest.fixture
 def lights() -> TrafficLightSystem:
-    """Junction 1: lights 0 and 2 in phase 0, light 1 in phase 1; junction 2: light 3 alone."""
-    return TrafficLightSystem([site("0", 1, 0), site("1", 1, 1), site("2", 1, 0), site("3", 2, 0)])
+    return TrafficLightSystem(SITES)
 
 
 def run(lights: TrafficLightSystem, seconds: float, delta_s: float = 0.05) -> None:
@@ -80,10 +83,28 @@ def test_conflicting_phases_are_never_open_together(lights: TrafficLightSystem) 
         assert not (open_now[0] and open_now[1])
 
 
-def test_elapsed_time_counts_from_each_lights_own_change(lights: TrafficLightSystem) -> None:
+def test_elapsed_time_counts_for_the_phase_whose_turn_it_is(lights: TrafficLightSystem) -> None:
     run(lights, 12.0)
-    assert lights.elapsed_s[0] == pytest.approx(2.0)
-    assert lights.elapsed_s[1] == pytest.approx(12.0)
+    assert lights.elapsed_s[:2].tolist() == pytest.approx([2.0, 0.0])
+    lights.set_state(0, GREEN)
+    run(lights, 2.0)
+    assert lights.elapsed_s[:2].tolist() == pytest.approx([1.0, 0.0])
+    run(lights, 2.0)
+    assert lights.elapsed_s[:3].tolist() == pytest.approx([0.0, 1.0, 0.0])
+
+
+def test_a_replay_that_ends_while_all_are_red_goes_on_with_the_phase_after(
+    lights: TrafficLightSystem,
+) -> None:
+    run(lights, 29.0)
+    after = TrafficLightSystem(SITES)
+    for index, state in enumerate(lights.state.tolist()):
+        after.show(index, state, float(lights.elapsed_s[index]))
+    after.adopt_states()
+    for _ in range(200):
+        lights.step(0.05)
+        after.step(0.05)
+        assert after.state.tolist() == lights.state.tolist()
 
 
 def run_with(

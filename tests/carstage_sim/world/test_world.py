@@ -386,6 +386,18 @@ def test_ackermann_control_reaches_its_speed_and_stops(world: World, stage01: To
     assert world.motion(car).speed == pytest.approx(0.0, abs=0.1)
 
 
+def test_ackermann_control_stops_before_it_goes_the_other_way(world: World, stage01: Town) -> None:
+    car = world.spawn(CAR, {}, place(stage01))
+    for wanted in (6.0, -3.0, 6.0):
+        world.control_ackermann(car.actor_id, AckermannControl(speed=wanted))
+        for _ in range(220):
+            world.tick(DELTA_S)
+            speed, gear = world.motion(car).speed, world.motion(car).gear
+            if abs(speed) > 1.0:
+                assert (gear < 0) == (speed < 0.0)
+        assert speed == pytest.approx(wanted, abs=0.3)
+
+
 @pytest.mark.parametrize(
     ("settings", "delta_s", "expected"),
     [

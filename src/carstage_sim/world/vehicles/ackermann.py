@@ -1,7 +1,7 @@
 """The controller behind ``apply_ackermann_control``: a steering angle and a speed become pedals.
 
 As in CARLA, a speed loop moves the wanted acceleration, an acceleration loop moves the pedals, and
-the steering angle turns no faster than asked.
+the steering angle turns no faster than asked. Who is to go the other way stops first.
 """
 
 from __future__ import annotations
@@ -51,6 +51,7 @@ class AckermannController:
     _steer_rad: float = 0.0
     _speed: float | None = None
     _measured: float = 0.0
+    _reverse: bool = False
 
     def step(self, speed: float, parameters: VehicleParameters, delta_s: float) -> VehicleControl:
         """Pedals and wheel for the next ``delta_s`` seconds of a vehicle at ``speed`` m/s."""
@@ -59,18 +60,21 @@ class AckermannController:
         wanted = self.target.speed
         if abs(wanted) < _STANDSTILL_M_PER_S and abs(speed) < _STANDSTILL_M_PER_S:
             self._acceleration = self._pedal = 0.0
-            return VehicleControl(0.0, steer, 1.0)
-        reverse = wanted < 0.0
-        direction = -1.0 if reverse else 1.0
+            return VehicleControl(0.0, steer, 1.0, reverse=self._reverse)
+        if abs(speed) < _STANDSTILL_M_PER_S:
+            self._reverse = wanted < 0.0
+        elif speed * wanted < 0.0:
+            wanted = 0.0
         share = delta_s / _GAINS_PERIOD_S
-        self._follow_speed(abs(wanted), direction * speed, parameters, delta_s)
-        error = self._acceleration - direction * measured
+        self._follow_speed(wanted, speed, parameters, delta_s)
+        error = self._acceleration - measured
         gains = self.gains
         change = self._acceleration_loop.run(
             error, gains.accel_kp, gains.accel_ki, gains.accel_kd, delta_s
         )
         self._pedal = min(max(self._pedal + change * share, -1.0), 1.0)
-        return VehicleControl(max(self._pedal, 0.0), steer, max(-self._pedal, 0.0), reverse=reverse)
+        push = -self._pedal if self._reverse else self._pedal
+        return VehicleControl(max(push, 0.0), steer, max(-push, 0.0), reverse=self._reverse)
 
     def _measured_acceleration(self, speed: float, delta_s: float) -> float:
         if self._speed is not None:

@@ -118,6 +118,10 @@ class Mechanics:
         ids = [*fleet.ids.tolist(), *(actor.actor_id for actor in solids.actors)]
         self.collisions = collisions_of_tick(touches, ids)
 
+    def walker_falls(self, actor_id: int) -> bool:
+        """Whether a walker was in the air after the last tick."""
+        return self._walkers.falls(actor_id)
+
     def lifted(self, pose: Pose, half_height_m: float) -> Pose:
         """Where a walker stands that is put to a place with its feet in the ground.
 

@@ -435,9 +435,14 @@ class World:
             self.fleet.set_constant_velocity(actor_id, velocity)
 
     def set_enable_gravity(self, actor_id: int, enabled: bool) -> None:
-        """Whether an actor falls; one that was destroyed may be named."""
+        """Whether an actor falls; one that was destroyed may be named.
+
+        A walker hangs in the air from then on. On the ground it walks on as before, as on CARLA
+        (``FWalkerActor::SetActorEnableGravity``).
+        """
         actor = self.live_or_dead(actor_id)
-        actor.gravity = enabled
+        walks = actor.kind is ActorKind.WALKER and not self._mechanics.walker_falls(actor_id)
+        actor.gravity = enabled or (actor.gravity and walks)
         if actor.vehicle is not None and actor_id in self.actors:
             self.fleet.set_gravity(actor_id, enabled)
 

@@ -52,6 +52,10 @@ class WalkerMotion:
         self._knock: FloatArray = np.zeros((0, 2))
         self._fall: FloatArray = np.zeros(0)
 
+    def falls(self, actor_id: int) -> bool:
+        """Whether a walker was in the air after the last tick."""
+        return bool(self._fall[self._ids == actor_id].any())
+
     def knock(self, walkers: Sequence[Actor], hit: Sequence[Actor], velocity: FloatArray) -> None:
         """Adds velocities that collisions gave to walkers.
 
@@ -70,7 +74,9 @@ class WalkerMotion:
         self._remember(walkers, table.location[rows])
         if not walkers:
             return
-        own = np.array([walker.simulate_physics for walker in walkers])
+        # CARLA disables the movement of who is in the air without gravity.
+        own = np.array([walker.simulate_physics and walker.gravity for walker in walkers])
+        self._fall[~own] = 0.0
         if own.any():
             self._walk(table, walkers, np.flatnonzero(own), rows, delta_s)
         here = table.location[rows]
@@ -127,12 +133,8 @@ class WalkerMotion:
         table.rotation_deg[at, Rotation.YAW] = np.where(
             flat, yaw, table.rotation_deg[at, Rotation.YAW]
         )
-        falls = np.array([walkers[k].gravity for k in own], np.bool_)
-        # Who is weightless goes up and down as its direction says.
-        rises = np.where(falls | ~moving, 0.0, speed * unit[:, 2] * delta_s)
-        table.location[at, 2] += rises
         jumps = np.array([walkers[k].walker.jump for k in own], np.bool_)
-        self._stand(table, own, at, extent[:, 2], falls, jumps, delta_s)
+        self._stand(table, own, at, extent[:, 2], jumps, delta_s)
 
     def _go(
         self,
@@ -163,7 +165,6 @@ class WalkerMotion:
         own: IntArray,
         at: NDArray[np.intp],
         half_height: FloatArray,
-        falls: NDArray[np.bool_],
         jumps: NDArray[np.bool_],
         delta_s: float,
     ) -> None:
@@ -172,12 +173,10 @@ class WalkerMotion:
         feet[:, 2] -= half_height
         ground = self._ground.height_below(feet)
         stands = (self._fall[own] == 0.0) & (feet[:, 2] - ground < _STEP_M)
-        speed = np.where(falls & jumps & stands, -_JUMP_SPEED, self._fall[own])
+        speed = np.where(jumps & stands, -_JUMP_SPEED, self._fall[own])
         drop = speed * delta_s + 0.5 * GRAVITY * delta_s**2
-        lands = falls & ~np.isnan(ground) & ((stands & ~jumps) | (feet[:, 2] - drop <= ground))
-        sinks = falls & ~lands
+        lands = ~np.isnan(ground) & ((stands & ~jumps) | (feet[:, 2] - drop <= ground))
         self._fall[own] = np.where(
-            sinks, np.minimum(speed + GRAVITY * delta_s, TERMINAL_SPEED), 0.0
+            lands, 0.0, np.minimum(speed + GRAVITY * delta_s, TERMINAL_SPEED)
         )
-        z = np.where(lands, ground, np.where(sinks, feet[:, 2] - drop, feet[:, 2]))
-        table.location[at, 2] = z + half_height
+        table.location[at, 2] = np.where(lands, ground, feet[:, 2] - drop) + half_height

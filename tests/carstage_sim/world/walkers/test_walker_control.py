@@ -74,6 +74,32 @@ def test_a_walker_stops_at_props_and_at_who_stands(world: World, what: str) -> N
     assert place(world, walker) @ ahead - start @ ahead > 5.0
 
 
+def test_a_walker_without_gravity_walks_on_and_hangs_where_it_lost_it_in_the_air(
+    world: World,
+) -> None:
+    walker = spawned(world, WALKER, 1.0)
+    after(world, 0.5)
+    before = place(world, walker)
+    world.set_enable_gravity(walker.actor_id, False)
+    world.control_walker(walker.actor_id, WalkerControl((0.6, 0.8, 0.5), 1.5))
+    after(world, 1.0)
+    walked = place(world, walker) - before
+    assert np.hypot(*walked[:2]) == pytest.approx(1.5, rel=0.05)
+    assert abs(walked[2]) < 0.2
+    x, y, z = before.tolist()
+    world.set_pose(walker.actor_id, Pose((x, y, z + 20.0)))
+    after(world, 0.5)
+    falling = place(world, walker)
+    assert falling[2] < z + 19.5
+    for _ in range(2):
+        world.set_enable_gravity(walker.actor_id, False)
+        after(world, 1.0)
+        np.testing.assert_allclose(place(world, walker), falling)
+    world.set_enable_gravity(walker.actor_id, True)
+    after(world, 3.0)
+    assert place(world, walker)[2] < z + 0.5
+
+
 def test_a_jump_is_of_carlas_height(world: World) -> None:
     walker = spawned(world, WALKER, 1.0)
     after(world, 0.5)

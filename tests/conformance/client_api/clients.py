@@ -73,20 +73,31 @@ _ROAD = """<?xml version="1.0"?><OpenDRIVE><header revMajor="1" revMinor="4" nam
 <geoReference><![CDATA[+proj=tmerc +lat_0=0 +lon_0=0]]></geoReference></header>
 <road name="r" length="200" id="1" junction="-1"><planView>
 <geometry s="0" x="0" y="0" hdg="0" length="200"><line/></geometry></planView>
-<lanes><laneSection s="0"><left><lane id="1" type="driving" level="false"><width sOffset="0" a="3.5"
+<lanes><laneSection s="0"><left><lane id="2" type="sidewalk" level="false"><width sOffset="0" a="2"
+b="0" c="0" d="0"/></lane><lane id="1" type="driving" level="false"><width sOffset="0" a="3.5"
 b="0" c="0" d="0"/></lane></left><center><lane id="0" type="none" level="false"/></center><right>
 <lane id="-1" type="driving" level="false"><width sOffset="0" a="3.5" b="0" c="0" d="0"/></lane>
 </right></laneSection></lanes></road></OpenDRIVE>"""
 
 
-@limited("The town is built with sidewalks and scenery as any other; no parameter changes it.",
+@limited("Roads, lights and signs without scenery. Of the parameters `wall_height` and "
+         "`enable_pedestrian_navigation` count.",
          "Client.generate_opendrive_world", "OpendriveGenerationParameters.*",
          own_process=True)  # fmt: skip
 def _generating(scene: TrialScene) -> None:
     values = carla.OpendriveGenerationParameters()
-    values.vertex_distance, values.max_road_length, values.wall_height = 2.0, 50.0, 0.0
+    values.vertex_distance, values.max_road_length = 2.0, 50.0
     values.additional_width, values.smooth_junctions = 0.6, True
-    values.enable_mesh_visibility = values.enable_pedestrian_navigation = True
-    world = scene.client.generate_opendrive_world(_ROAD, values, False)
-    lane = world.get_map().get_waypoint(carla.Location(100.0, 1.75, 0.0))
-    expect(lane.lane_width > 3.0, "the road is not there")
+    values.enable_mesh_visibility = True
+    for counts in (True, False):
+        values.wall_height, values.enable_pedestrian_navigation = float(counts), counts
+        world = scene.client.generate_opendrive_world(_ROAD, values, False)
+        lane = world.get_map().get_waypoint(carla.Location(100.0, 1.75, 0.0))
+        expect(lane.lane_width > 3.0, "the road is not there")
+        middle, aside = carla.Location(100.0, 0.0, 0.5), carla.Location(100.0, 40.0, 0.5)
+        labels = [point.label for point in world.cast_ray(middle, aside)]
+        expect((carla.CityObjectLabel.Walls in labels) == counts, f"beside the road are {labels}")
+        names = scene.client.get_required_files("Nav", False)
+        expect(bool(names) == counts, f"the files for navigation are {names}")
+        houses = world.get_environment_objects(carla.CityObjectLabel.Buildings)
+        expect(not houses, f"there are {len(houses)} buildings")

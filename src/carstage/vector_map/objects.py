@@ -24,7 +24,7 @@ from carstage.vector_map.document import (
     whole,
     word,
 )
-from carstage.vector_map.lanes import carla_places, is_forward, lane_id
+from carstage.vector_map.lanes import carla_places, lane_id
 from carstage.vector_map.links import Links
 from carstage.vector_map.model import (
     LIGHT_TYPE,
@@ -153,7 +153,11 @@ def _stands(road: Road, element: etree._Element, where: str) -> FloatArray:
 
 
 def _governed(road: Road, element: etree._Element) -> list[str]:
-    """The lanes there that a signal is for; without a validity, those of its direction."""
+    """The lanes there that a signal is for; without a validity, those that CARLA's client takes.
+
+    To OpenDRIVE, orientation + is that of lanes with negative numbers. To the client, and so for
+    all traffic of CARLA, it is that of lanes with positive ones.
+    """
     where = f"road {road.number}, signal {word(element, 'id')}"
     ranges = [
         sorted((whole(one, "fromLane", where), whole(one, "toLane", where)))
@@ -172,7 +176,7 @@ def _governed(road: Road, element: etree._Element) -> list[str]:
             chosen = any(low <= lane <= high for low, high in ranges)
         else:
             chosen = record.type.lower() not in _NOBODY_DRIVES and (
-                orientation not in ("+", "-") or (orientation == "+") == is_forward(road, lane)
+                orientation not in ("+", "-") or (orientation == "+") == (lane > 0)
             )
         if chosen:
             found.append(lane_id(road, index, lane))

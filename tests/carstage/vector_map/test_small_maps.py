@@ -153,15 +153,22 @@ def test_a_signal_may_stand_elsewhere_than_where_it_applies() -> None:
     assert signal.place == pytest.approx([there.x, there.y, there.z], abs=0.26)
 
 
-@pytest.mark.parametrize(("orientation", "lanes"), [("+", {-1}), ("-", {1}), ("none", {-1, 1})])
-def test_a_signal_without_validity_is_for_its_direction(orientation: str, lanes: set[int]) -> None:
+@pytest.mark.parametrize("rule", ["RHT", "LHT"])
+@pytest.mark.parametrize(("orientation", "lanes"), [("+", {1}), ("-", {-1}), ("none", {-1, 1})])
+def test_a_signal_without_validity_is_for_the_lanes_that_carla_gives_it(
+    orientation: str, lanes: set[int], rule: str
+) -> None:
     validity = '<validity fromLane="-1" toLane="-1"/>'
     light = small_maps.light(7, 190, (-1, -1)).replace(validity, "")
     light = light.replace('orientation="+"', f'orientation="{orientation}"')
     kinds = (("driving", 3.5), ("sidewalk", 2.0))
     road = small_maps.road(1, 0, 0, 0, 200, signals=light, lanes=kinds)
-    (signal,) = vector_map(small_maps.document(road)).signals
+    text = small_maps.document(road.replace("<road ", f'<road rule="{rule}" '))
+    (signal,) = vector_map(text).signals
     assert set(signal.lanes) == {f"1/0/{lane}" for lane in lanes}
+    (landmark,) = carla.Map("Unsaid", text).get_all_landmarks()
+    of_the_client = [sorted(pair) for pair in landmark.get_lane_validities()]
+    assert lanes == {n for n in (-1, 1) if any(a <= n <= b for a, b in of_the_client)}
 
 
 @pytest.mark.parametrize("broad", [0.0, 0.4])

@@ -86,7 +86,8 @@ class Marking:
         road_id, section, lane: the same, as numbers.
         line: ``(N, 3)`` along the road's reference line.
         s_m: ``(2,)`` stations where it begins and ends.
-        type: OpenDRIVE's: ``solid``, ``broken``, ``solid broken`` from left to right, ``curb``, …
+        type: OpenDRIVE's: ``solid``, ``broken``, ``curb``, …; of ``solid broken`` the first word is
+            the stroke nearer to the road's middle, of lane 0 the one at the left of the road.
         colour: ``white``, ``yellow``, ``blue``, ``green``, ``red`` or ``other``.
         width_m: 0 where the map says nothing.
         lane_change: who may cross it: ``none``, ``increase`` and ``decrease`` (of the lane's

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from carstage.dataset.ledger import recorded_frames, saved_times_s
 from carstage.errors import DatasetError
 from carstage.geometry import FloatArray, invert_pose, pose_matrix
+from carstage.occupancy import Occupancy, occupancy_name
+from carstage.plan.stereo import disparity_name
 from carstage.storage.remote_path import DatasetPath
 
 if TYPE_CHECKING:
@@ -22,7 +24,10 @@ if TYPE_CHECKING:
 
 Row = Mapping[str, Any]
 Damage = frozenset[tuple[str, int]]
-"""Sensor ids and frames whose files are missing or not what was committed."""
+"""Names and frames of what is missing or not what was committed.
+
+A name is a sensor's id, or the path of a file of labels below the episode's folder.
+"""
 
 
 @dataclass(frozen=True)
@@ -39,6 +44,7 @@ class Frame:
         sensor_poses: rows of ``sensor_poses.parquet`` by sensor.
         available: ids of the sensors that have whole data of this frame.
         ego_object: the ego's row of ``objects.parquet``; ``None`` without vehicles' labels.
+        lost: names of what has to be taken for missing, as in ``Damage``.
     """
 
     episode: Episode
@@ -50,6 +56,7 @@ class Frame:
     sensor_poses: Mapping[str, Row]
     available: frozenset[str]
     ego_object: Row | None = None
+    lost: frozenset[str] = frozenset()
 
     def has(self, sensor_id: str) -> bool:
         """Whether the sensor has whole data of this frame."""
@@ -58,6 +65,16 @@ class Frame:
     def read(self, sensor_id: str) -> NDArray[Any]:
         """The sensor's data, see ``Sensor.read``."""
         return self.episode.sensor(sensor_id).read(self.k)
+
+    def occupancy(self) -> Occupancy | None:
+        """The voxels, see ``Episode.occupancy``; ``None`` also where they are lost."""
+        return None if occupancy_name(self.k) in self.lost else self.episode.occupancy(self.k)
+
+    def disparity(self, camera_id: str) -> NDArray[np.float32] | None:
+        """A picture's disparity, see ``Episode.disparity``; ``None`` also where it is lost."""
+        if disparity_name(camera_id, self.k) in self.lost:
+            return None
+        return self.episode.disparity(camera_id, self.k)
 
     def object(self, track_id: int) -> Row | None:
         """An object's row of ``objects.parquet``, also the ego's, which other cameras may show.
@@ -138,10 +155,13 @@ class EpisodeFrames:
         self._episode = episode
         ledger = episode.ledger()
         self._times_s = saved_times_s(ledger)
+        self._lost: dict[int, set[str]] = defaultdict(set)
+        for name, k in damage:
+            self._lost[k].add(name)
         self._recorded: dict[int, set[str]] = defaultdict(set)
         for sensor_id, frames in recorded_frames(episode.calibration.sensors, ledger).items():
             for k in frames:
-                if (sensor_id, k) not in damage:
+                if sensor_id not in self._lost[k]:
                     self._recorded[k].add(sensor_id)
         self._objects = RowsByFrame(episode.objects())
         self._camera_objects = RowsByFrame(episode.camera_objects())
@@ -170,6 +190,7 @@ class EpisodeFrames:
             sensor_poses={row["sensor_id"]: row for row in self._poses.rows(k)},
             available=frozenset(self._recorded[k]),
             ego_object=next((row for row in objects if row["is_ego"]), None),
+            lost=frozenset(self._lost[k]),
         )
 
 

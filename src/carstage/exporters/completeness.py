@@ -20,7 +20,7 @@ from carstage.files.hashing import hash_of_file
 from carstage.storage.marker import FileEntry
 from carstage.storage.remote_path import DatasetPath
 from carstage.validation import Problem
-from carstage.validation.checks.files import DOCUMENTS, TABLES, check_file_list
+from carstage.validation.checks.files import DOCUMENTS, TABLES, check_file_list, label_files
 from carstage.validation.checks.findings import Findings
 from carstage.validation.checks.ledger import check_ledger, check_row_sensors
 
@@ -34,7 +34,7 @@ class Completeness:
     Attributes:
         problems: what is missing or damaged.
         whole: ids of the episodes whose documents and tables are whole; others cannot be exported.
-        damage: by episode, the sensors and frames whose files are missing or changed.
+        damage: by episode, the sensors' and labels' files that are missing or changed.
         agent_damage: by episode and agent beside the ego, likewise; where those are exported, too.
         labels: number of label rows by class and blueprint, the ego's left out.
     """
@@ -158,9 +158,9 @@ def _difference(folder: DatasetPath, entry: FileEntry) -> tuple[str, str] | None
 
 
 def _damage(episode: Episode, changed: frozenset[str]) -> Damage:
-    """The sensors and frames that the files are of."""
-    damage = set()
+    """What the files are of: sensors and frames, and labels by the names of their files."""
     listed = {entry.path for entry in episode.files} - changed
+    damage = {(name, k) for name, k in label_files(episode).items() if name not in listed}
     for sensor in episode.sensors:
         for k in range(episode.frames):
             if not listed.issuperset(sensor.file_names(k)):

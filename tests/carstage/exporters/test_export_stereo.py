@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 import analytic_scene
-from analytic_dataset import SIZE, make_dataset
+from analytic_dataset import SIZE, attempt_of, make_dataset
 from carstage.dataset import Dataset
 from carstage.errors import BadInputError
 from carstage.exporters import ExportOptions, export_dataset
@@ -23,24 +23,24 @@ BASELINE_M = 0.54
 pytestmark = pytest.mark.xdist_group("export")
 
 
+def with_pair(spec: dict[str, Any]) -> dict[str, Any]:
+    """A spec with a second camera to the right of the first one, and its depth."""
+    sensors = {sensor["id"]: sensor for sensor in spec["sensors"]}
+    front = sensors["CAM_FRONT"]["pose"]
+    pose = {**front, "y_m": front["y_m"] + BASELINE_M}
+    twins = {"depth": "DEPTH_RIGHT", "instance": "INST_RIGHT"}
+    right = {**sensors["CAM_FRONT"], "id": "CAM_RIGHT", "pose": pose, **twins}
+    depth = {**sensors["DEPTH_FRONT"], "id": "DEPTH_RIGHT", "pose": pose}
+    instance = {**sensors["INST_FRONT"], "id": "INST_RIGHT", "pose": pose}
+    return {**spec, "sensors": [*spec["sensors"], right, depth, instance]}
+
+
 @pytest.fixture(scope="module")
 def stereo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The drive with a second camera to the right of the first one, and its depth."""
     plain = analytic_scene.spec
-
-    def with_pair(**options: Any) -> dict[str, Any]:
-        found = plain(**options)
-        sensors = {sensor["id"]: sensor for sensor in found["sensors"]}
-        front = sensors["CAM_FRONT"]["pose"]
-        pose = {**front, "y_m": front["y_m"] + BASELINE_M}
-        twins = {"depth": "DEPTH_RIGHT", "instance": "INST_RIGHT"}
-        right = {**sensors["CAM_FRONT"], "id": "CAM_RIGHT", "pose": pose, **twins}
-        depth = {**sensors["DEPTH_FRONT"], "id": "DEPTH_RIGHT", "pose": pose}
-        instance = {**sensors["INST_FRONT"], "id": "INST_RIGHT", "pose": pose}
-        return {**found, "sensors": [*found["sensors"], right, depth, instance]}
-
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(analytic_scene, "spec", with_pair)
+        patch.setattr(analytic_scene, "spec", lambda **options: with_pair(plain(**options)))
         folder = tmp_path_factory.mktemp("stereo")
         return make_dataset(folder / "out", folder, size=SIZE, steps=2)
 
@@ -135,3 +135,25 @@ def test_what_stands_before_hides_from_the_right_camera() -> None:
     assert seen_by_both(steps, left, right).tolist() == [
         [False, False, False, False, True, True, True, True]
     ]
+
+
+def test_a_pair_whose_disparity_is_lost_is_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain = analytic_scene.spec
+
+    def with_disparity(**options: Any) -> dict[str, Any]:
+        found = with_pair(plain(**options))
+        return {**found, "labels": {**found["labels"], "disparity": True}}
+
+    monkeypatch.setattr(analytic_scene, "spec", with_disparity)
+    dataset = make_dataset(tmp_path / "dataset", tmp_path, size=SIZE, steps=2)
+    (attempt_of(dataset) / "disparity/CAM_RIGHT/000000.png").unlink()
+    with pytest.raises(BadInputError, match=r"disparity/CAM_RIGHT/000000\.png is missing"):
+        export_dataset("kitti-stereo", dataset, tmp_path / "out", workers=0)
+    made = export_dataset(
+        "kitti-stereo", dataset, tmp_path / "out", allow_incomplete=True, workers=0
+    )
+    assert (made.frames, made.frames_left_out) == (1, 1)
+    names = [path.name for path in (tmp_path / "out/training/disp_occ_0").iterdir()]
+    assert names == ["000001_10.png"]

@@ -15,7 +15,8 @@ import psutil
 import pytest
 from typer.testing import CliRunner
 
-from analytic_dataset import attempt_of, edit_rows, recommit
+import analytic_scene
+from analytic_dataset import SIZE, attempt_of, edit_rows, make_dataset, recommit
 from carstage.cli.app import app
 from carstage.dataset import Dataset
 from carstage.errors import BadInputError
@@ -138,6 +139,36 @@ def test_what_is_damaged_is_left_out_and_counted_when_that_is_allowed(
     assert not (out / "training/image_2/000003.png").exists()
     assert not (out / "training/velodyne/000004.bin").exists()
     assert (out / "training/image_2/000004.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "around", "voxels", "left"),
+    [
+        ("nuscenes", "ego", "gts/*/*/labels.npz", 1),
+        ("semantickitti", "LIDAR_TOP", "sequences/00/voxels/*.label", 5),
+    ],
+)
+def test_voxels_that_are_lost_are_left_out_when_that_is_allowed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, around: str, voxels: str, left: int
+) -> None:
+    plain = analytic_scene.spec
+    reach = dict.fromkeys(("ahead_m", "behind_m", "left_m", "right_m"), 8.0)
+    grid = {"frame": around, **reach, "up_m": 2.0, "down_m": 1.2, "resolution_m": 0.4}
+
+    def with_voxels(**options: Any) -> dict[str, Any]:
+        found = plain(**options)
+        return {**found, "labels": {**found["labels"], "occupancy": grid}}
+
+    monkeypatch.setattr(analytic_scene, "spec", with_voxels)
+    dataset = make_dataset(tmp_path / "dataset", tmp_path, size=SIZE, segmentation=True)
+    (attempt_of(dataset) / "occupancy/000000.npz").unlink()
+    out = tmp_path / "out"
+    with pytest.raises(BadInputError, match=r"occupancy/000000\.npz is missing"):
+        export_dataset(name, dataset, out, workers=0)
+    options = ExportOptions(lidar="LIDAR_TOP")
+    made = export_dataset(name, dataset, out, options, allow_incomplete=True, workers=0)
+    assert made.frames == 6
+    assert len([*out.glob(voxels)]) == left
 
 
 def test_an_episode_with_a_damaged_table_cannot_be_exported(copy: Path, tmp_path: Path) -> None:

@@ -132,7 +132,7 @@ class StereoWriter:
     part: str
 
     def __call__(self, frame: Frame, folder: Path) -> StereoPart | None:
-        """Write the frame; ``None`` where one of the four pictures is missing.
+        """Write the frame; ``None`` where one of the four pictures, or disparity, is missing.
 
         Disparity that a camera has nowhere in a picture is that of a missing depth picture.
         """
@@ -140,7 +140,10 @@ class StereoWriter:
         depths = () if self.pair.labelled else (left.depth or "", right.depth or "")
         if not all(frame.has(name) for name in (left.id, right.id, *depths)):
             return None
-        steps, depth_m, right_depth_m = self._measured(frame)
+        measured = self._measured(frame)
+        if measured is None:
+            return None
+        steps, depth_m, right_depth_m = measured
         if not all(np.isfinite(one).any() for one in (depth_m, right_depth_m)):
             return None
         name, part = f"{self.first_number + frame.k:06d}", folder / self.part
@@ -154,13 +157,15 @@ class StereoWriter:
         (part / "calib_cam_to_cam" / f"{name}.txt").write_text(text, "ascii")
         return StereoPart(name, frame.k, frame.timestamp_s)
 
-    def _measured(self, frame: Frame) -> tuple[NDArray[np.uint16], Depth, Depth]:
-        """The left picture's disparity, and the depth of both."""
+    def _measured(self, frame: Frame) -> tuple[NDArray[np.uint16], Depth, Depth] | None:
+        """The left picture's disparity, and the depth of both; ``None`` where it is lost."""
         left, right = self.pair.left, self.pair.right
         focal_baseline = float(left.k[0, 0]) * self.pair.baseline_m
         if self.pair.labelled:
-            found = [frame.episode.disparity(one.id, frame.k) for one in (left, right)]
+            found = [frame.disparity(one.id) for one in (left, right)]
             disparities = [np.nan_to_num(one) for one in found if one is not None]
+            if len(disparities) < len(found):
+                return None
             steps = np.rint(disparities[0] * STEPS_PER_PX).astype(np.uint16)
             with np.errstate(divide="ignore"):
                 depth_m, right_depth_m = (focal_baseline / one for one in disparities)

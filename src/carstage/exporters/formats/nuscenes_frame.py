@@ -169,8 +169,9 @@ class SceneWriter:
         }
 
     def _write_voxels(self, scene: CarScene, frame: Frame, folder: Path) -> None:
-        content = frame.episode.occupancy(frame.k)
-        assert content is not None
+        content = frame.occupancy()
+        if content is None:
+            return
         sample = token(scene.key, "sample", frame.k)
         place = folder / OCC3D / (self.occupancy or "") / sample
         place.mkdir()

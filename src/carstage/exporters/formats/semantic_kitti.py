@@ -106,8 +106,9 @@ class SweepWriter:
         return SweepPart(frame.timestamp_s, flu_pose(frame.world_from_sensor(self.lidar.points)))
 
     def _write_voxels(self, frame: Frame, cloud: LabelledCloud, folder: Path) -> None:
-        content = frame.episode.occupancy(frame.k)
-        assert content is not None
+        content = frame.occupancy()
+        if content is None:
+            return
         there = content.occupied
         tags, tracks = content.semantic[there], content.tracks[there].astype(np.uint32)
         labels = point_labels(LabelledCloud(cloud.points[:0], tags, tracks), frame)

@@ -194,6 +194,20 @@ def _frame_of(name: str) -> int | None:
     return int(stem) if "/" in name and stem.isdecimal() else None
 
 
+def label_files(episode: Episode) -> dict[str, int]:
+    """The files of labels that the spec promises, each with the frame that it is of."""
+    labels, frames = episode.spec.labels, range(episode.frames)
+    found: dict[str, int] = {}
+    if labels.birds_eye is not None:
+        found |= {birds_eye_name(k): k for k in frames}
+    if labels.occupancy is not None:
+        found |= {occupancy_name(k): k for k in frames}
+    if labels.disparity:
+        cameras = (one.id for pair in episode.stereo_pairs() for one in (pair.left, pair.right))
+        found |= {disparity_name(one, k): k for one in cameras for k in frames}
+    return found
+
+
 def check_file_list(
     episode: Episode, recorded: Mapping[str, Iterable[int]], findings: Findings
 ) -> None:
@@ -206,13 +220,7 @@ def check_file_list(
     """
     listed = {entry.path for entry in episode.files}
     promised = {*tables_of(episode), *DOCUMENTS}
-    if episode.spec.labels.birds_eye is not None:
-        promised.update(birds_eye_name(k) for k in range(episode.frames))
-    if episode.spec.labels.occupancy is not None:
-        promised.update(occupancy_name(k) for k in range(episode.frames))
-    if episode.spec.labels.disparity:
-        cameras = (one.id for pair in episode.stereo_pairs() for one in (pair.left, pair.right))
-        promised.update(disparity_name(one, k) for one in cameras for k in range(episode.frames))
+    promised.update(label_files(episode))
     for sensor in episode.sensors:
         if row_sensor(sensor.kind):
             promised.add(f"sensors/{sensor.id}.parquet")

@@ -318,14 +318,18 @@ class Config(Section):
         for path, sensor in self.located_sensors():
             self._check_sensor(path, sensor)
         if self.labels.occupancy is not None:
-            for seen in (self, *map(self.seen_by, self.agents)):
-                seen._check_occupancy(self.labels.occupancy)
+            self._check_occupancy(self.labels.occupancy, "the ego")
+            for agent in self.agents:  # each has voxels of its own
+                self.seen_by(agent)._check_occupancy(
+                    self.labels.occupancy, f"the agent {agent.name!r}"
+                )
 
-    def _check_occupancy(self, asked: Occupancy) -> None:
+    def _check_occupancy(self, asked: Occupancy, who: str) -> None:
         """Voxels are where something is, and get their classes from sensors that tell them."""
         ids, frame = {sensor.id for sensor in self.sensors}, asked.frame
         if frame != EGO and frame not in ids:
-            message, hint = unknown("sensor", frame, ids)
+            _, hint = unknown("sensor", frame, ids)
+            message = f"{who} has no sensor {frame!r}."
             raise problem(message, f"{hint} Or use `ego`.", "labels", "occupancy", "frame")
         if asked.exact and self.server.kind == "carla":
             raise problem(
@@ -342,7 +346,7 @@ class Config(Section):
         lidars = any(sensor.row.content == TAGGED_POINTS for sensor in self.sensors)
         if not (asked.exact or cameras or lidars or self.labelled_lidars):
             raise problem(
-                "no sensor tells the classes of surfaces.",
+                f"no sensor of {who} tells the classes of surfaces.",
                 "Label a camera without distortion with pixels in labels.method, or a LiDAR by "
                 "labels.lidars.",
                 "labels",

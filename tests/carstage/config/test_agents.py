@@ -57,6 +57,16 @@ def spec(*agents: dict[str, Any], **settings: Any) -> EpisodeSpec:
             r"agents\[0\].kind: a drone needs",
         ),
         ([{**CORNER, "junction": "all"}], {}, r"agents\[0\].junction"),
+        (
+            [CAR, {**MAST, "rig": {"sensors": [{"id": "IMU", "kind": "imu"}]}}],
+            {"labels": {"occupancy": {}}},
+            r"labels.occupancy: no sensor of the agent 'mast' tells the classes",
+        ),
+        (
+            [CAR],
+            {"labels": {"occupancy": {"frame": "CAM_FRONT"}}},
+            r"labels.occupancy.frame: the agent 'car2' has no sensor 'CAM_FRONT'",
+        ),
         ([{**CAR, "driver": "keyboard"}], {}, r"agents\[0\].driver: only the ego"),
         ([{**CAR, "rig": {"sensors": [{**LIDAR, "id": "L" * 20}]}}], {}, "at most 19"),
         ([{**CAR, "rig": {"sensors": []}}], {}, r"agents\[0\].rig"),

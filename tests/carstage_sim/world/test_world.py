@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -396,6 +398,19 @@ def test_ackermann_control_stops_before_it_goes_the_other_way(world: World, stag
             if abs(speed) > 1.0:
                 assert (gear < 0) == (speed < 0.0)
         assert speed == pytest.approx(wanted, abs=0.3)
+
+
+def test_ackermann_control_holds_the_wheel_straight_where_no_wheel_steers(
+    world: World, stage01: Town
+) -> None:
+    car = world.spawn(CAR, {}, place(stage01))
+    physics = world.parameters(car)
+    wheels = tuple(replace(wheel, max_steer_angle_deg=0.0) for wheel in physics.wheels)
+    world.set_parameters(car.actor_id, replace(physics, wheels=wheels))
+    world.control_ackermann(car.actor_id, AckermannControl(steer_rad=0.3, speed=6.0))
+    ticks(world, 100)
+    assert world.motion(car).steer == 0.0
+    assert world.motion(car).speed > 3.0
 
 
 @pytest.mark.parametrize(

@@ -89,7 +89,7 @@ class AckermannController:
             reach = self.target.steer_speed * delta_s
             wanted = min(max(wanted, self._steer_rad - reach), self._steer_rad + reach)
         self._steer_rad = wanted
-        return wanted / largest_rad
+        return wanted / largest_rad if largest_rad else 0.0
 
     def _follow_speed(
         self, wanted: float, speed: float, parameters: VehicleParameters, delta_s: float

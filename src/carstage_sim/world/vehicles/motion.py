@@ -217,8 +217,8 @@ def _next_speed(rows, tick, i, rolling, dt_s):  # type: ignore[no-untyped-def]
     throttle = rows.throttle[i] = dynamics.next_pedal(rows.throttle[i], tick.throttle[i], dt_s)
     brake = rows.brake[i] = dynamics.next_pedal(rows.brake[i], tick.brake[i], dt_s)
     if not rolling:
-        drag = rows.drag_per_mass[i] * speed * magnitude
-        return speed + (tick.slope_and_forces[i] - drag) * dt_s
+        drag = rows.drag_per_mass[i] * speed * speed
+        return dynamics.slowed(speed + tick.slope_and_forces[i] * dt_s, drag, dt_s)
     drive = throttle * powertrain.drive_acceleration(
         i, speed, gear, rows.torque, rows.max_rpm, rows.rpm_per_speed, rows.force_per_torque
     )

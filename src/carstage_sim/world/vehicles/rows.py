@@ -191,7 +191,7 @@ def parameter_values(parameters: VehicleParameters) -> dict[str, ArrayLike]:
         "max_lateral_acceleration": parameters.max_lateral_acceleration,
         "rollover_acceleration": dynamics.rollover_acceleration(parameters.track_m, height_m),
         "max_reverse_speed": parameters.max_reverse_speed,
-        "drag_per_mass": parameters.drag_coefficient
+        "drag_per_mass": max(parameters.drag_coefficient, 0.0)
         * dynamics.FRONTAL_AREA_TIMES_HALF_RHO
         / mass_kg,
         "tire_friction": sum(wheel.tire_friction for wheel in wheels) / len(wheels),

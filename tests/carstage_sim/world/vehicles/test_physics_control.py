@@ -181,3 +181,10 @@ def test_nothing_slows_a_vehicle_whose_tyres_do_not_hold_and_that_has_no_drag() 
     np.testing.assert_allclose(fleet.velocity[0], (28.0, 0.0, 0.0))
     drive(fleet, 5.0, brake=1.0)
     np.testing.assert_allclose(fleet.velocity[0], (28.0, 0.0, 0.0))
+
+
+def test_drag_below_zero_is_none() -> None:
+    physics = parameters(drag_coefficient=-1e4, **wheels(tire_friction=0.0))
+    fleet = rolling(28.0, physics=physics)
+    drive(fleet, 5.0)
+    np.testing.assert_allclose(fleet.velocity[0], (28.0, 0.0, 0.0))

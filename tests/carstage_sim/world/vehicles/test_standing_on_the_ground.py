@@ -98,3 +98,16 @@ def test_without_gravity_a_car_in_the_air_stays_there() -> None:
     fleet.set_gravity(CAR, True)
     drive(fleet, 1.0)
     assert fleet.location[0, 2] == 0.0
+
+
+def test_drag_only_slows_what_flies_however_fast_it_was_made() -> None:
+    fleet = fleet_on(plain())
+    fleet.add(CAR, parameters(), (0.0, 0.0, 50.0), (0.0, 0.0, 0.0))
+    fleet.set_target_velocity(CAR, (1e9, 0.0, 0.0))
+    speeds = []
+    for _ in range(10):
+        fleet.step(0.05, 5)
+        speeds.append(float(fleet.speed[0]))
+    assert np.all(np.diff(speeds, prepend=1e9) <= 0.0)
+    assert speeds[-1] >= 0.0
+    assert np.isfinite(fleet.location).all()

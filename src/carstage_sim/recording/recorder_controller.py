@@ -102,7 +102,7 @@ class RecorderController:
         self.end_replay(keep_actors=False)
         try:
             with _decoding():
-                self._replayer = Replayer(log, world, options)
+                self._replayer = Replayer(log, world, options, self.time_factor)
         except RecordingError:
             log.close()
             raise

@@ -77,8 +77,13 @@ class ReplayCast:
         """The living actor that plays a recorded one."""
         return self._world.actors.get(self._mapped.get(recorded_id, 0))
 
-    def play(self, packets: Sequence[tuple[int, bytes]]) -> None:
-        """What happens once in a frame: actors come and go, doors, lamps and weather change."""
+    def play(self, packets: Sequence[tuple[int, bytes]]) -> set[int]:
+        """What happens once in a frame: actors come and go, doors, lamps and weather change.
+
+        Returns:
+            Recorded ids of the actors that come.
+        """
+        newcomers: set[int] = set()
         parents = {
             int(row["id"]): int(row["parent"])
             for kind, payload in packets
@@ -89,6 +94,7 @@ class ReplayCast:
             if kind == Packet.EVENT_ADD:
                 for added in actors_added(payload):
                     self._add(added, parents.get(added.actor_id, 0))
+                    newcomers.add(added.actor_id)
             elif kind == Packet.EVENT_DEL:
                 for row in records(Packet.EVENT_DEL, payload):
                     self._world.destroy(self._mapped.pop(int(row["id"]), 0))
@@ -99,6 +105,7 @@ class ReplayCast:
             elif kind == Packet.WEATHER:
                 for row in records(Packet.WEATHER, payload):
                     self._world.set_weather(Weather(*row["values"].tolist()))
+        return newcomers
 
     def dismiss(self, *, keep_actors: bool) -> None:
         """Give physics back to all.

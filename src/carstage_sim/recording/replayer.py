@@ -9,13 +9,13 @@ the poses of that time.
 from __future__ import annotations
 
 import bisect
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.recording.events import bones, pose_of_ue, wheels
+from carstage_sim.recording.events import CM_PER_M, bones, pose_of_ue, wheels
 from carstage_sim.recording.layout import Packet, records
 from carstage_sim.recording.log import RecordingLog
 from carstage_sim.recording.replay_actors import ReplayCast, ReplayOptions
@@ -34,9 +34,12 @@ class Replayer:
         log: what to play; closed by :meth:`stop`.
         world: where.
         options: from when to when, and what to leave out.
+        time_factor: recorded seconds per simulated second.
     """
 
-    def __init__(self, log: RecordingLog, world: World, options: ReplayOptions) -> None:
+    def __init__(
+        self, log: RecordingLog, world: World, options: ReplayOptions, time_factor: float = 1.0
+    ) -> None:
         self._log = log
         self._world = world
         self._options = options
@@ -48,7 +51,10 @@ class Replayer:
         self.running = bool(log.frames)
         world.lights.led = self.running
         try:
-            self._play_events_until(self._frame_at(self._time_s))
+            frame = self._frame_at(self._time_s)
+            newcomers = self._play_events_until(frame)
+            if self.running:
+                self._place(frame, newcomers, time_factor)
         except BaseException:
             self.stop(keep_actors=False)  # which lets lights and actors go
             raise
@@ -59,9 +65,9 @@ class Replayer:
             return
         self._time_s += delta_s
         frame = self._frame_at(self._time_s)
-        self._play_events_until(frame)
+        newcomers = self._play_events_until(frame)
         self._show(frame)
-        self._place(frame)
+        self._place(frame, newcomers)
         self._follow()
 
     def finish_if_over(self) -> None:
@@ -87,11 +93,17 @@ class Replayer:
         """Index of the last frame that is not after a time; -1 for an empty log."""
         return bisect.bisect_right(self._elapsed_s, time_s + 1e-9) - 1
 
-    def _play_events_until(self, last: int) -> None:
-        """Let actors come and go up to and with a frame; no frame is played twice."""
+    def _play_events_until(self, last: int) -> set[int]:
+        """Let actors come and go up to and with a frame; no frame is played twice.
+
+        Returns:
+            Recorded ids of those that came.
+        """
+        newcomers: set[int] = set()
         while self._next <= last:
-            self._cast.play(list(self._log.packets(self._next)))
+            newcomers |= self._cast.play(list(self._log.packets(self._next)))
             self._next += 1
+        return newcomers
 
     # What a frame shows --------------------------------------------------------------------------
 
@@ -156,19 +168,31 @@ class Replayer:
         control = WalkerControl(direction, float(row["speed"]))
         self._world.control_walker(actor.actor_id, control)
 
-    def _place(self, frame: int) -> None:
-        """Poses between this frame and the next one."""
+    def _place(self, frame: int, newcomers: Collection[int], time_factor: float = 0.0) -> None:
+        """Poses between this frame and the next one.
+
+        Args:
+            frame: the last one that is over.
+            newcomers: recorded ids of those whose way to their pose is not motion.
+            time_factor: at what share of their recorded velocity those were until now.
+        """
         here = self._positions(frame)
         last = frame + 1 >= len(self._elapsed_s)
         after = here if last else self._positions(frame + 1, keep=False)
         lasts_s = 1.0 if last else self._elapsed_s[frame + 1] - self._elapsed_s[frame]
-        share = (self._time_s - self._elapsed_s[frame]) / lasts_s if lasts_s > 0.0 else 0.0
+        per_s = 1.0 / lasts_s if lasts_s > 0.0 else 0.0
+        share = min(max((self._time_s - self._elapsed_s[frame]) * per_s, 0.0), 1.0)
         for recorded_id, numbers in here.items():
             actor = self._cast.actor(recorded_id)
             if actor is None or actor.parent_id in self._world.actors:
                 continue
-            pose = _between(numbers, after.get(recorded_id, numbers), min(max(share, 0.0), 1.0))
-            self._world.set_pose(actor.actor_id, pose)
+            later = after.get(recorded_id, numbers)
+            pose = _between(numbers, later, share)
+            if recorded_id in newcomers:
+                x, y, z, *_ = ((later - numbers) / CM_PER_M * per_s * time_factor).tolist()
+                self._world.put(actor.actor_id, pose, (x, y, z))
+            else:
+                self._world.set_pose(actor.actor_id, pose)
 
     def _positions(self, frame: int, *, keep: bool = True) -> Mapping[int, NDArray[np.float32]]:
         """Recorded poses of a frame by recorded id: six numbers in UE's units."""

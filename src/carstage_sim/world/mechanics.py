@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from carstage_sim.maps.ground import STEP_UP_M, Ground
 from carstage_sim.maps.town import Town
-from carstage_sim.world.actors import ActorTable
+from carstage_sim.world.actors import Actor, ActorTable
 from carstage_sim.world.contacts.collisions import collisions_of_tick
 from carstage_sim.world.contacts.obstacles import Obstacles
 from carstage_sim.world.contacts.solids import Solids
 from carstage_sim.world.controls import PhysicsStep
-from carstage_sim.world.pose import Pose
+from carstage_sim.world.pose import Pose, Vector3
 from carstage_sim.world.state import ActorKind, Collision
 from carstage_sim.world.town_objects import TownObjects
 from carstage_sim.world.vehicles.dynamics import GRAVITY
@@ -74,6 +74,15 @@ class Mechanics:
             self._falling.setdefault(prop_id, 0.0)
         else:
             self._falling.pop(prop_id, None)
+
+    def forget_way(self, actor: Actor, velocity: Vector3) -> None:
+        """How a vehicle or walker came to where it is was not motion; its velocity was another."""
+        if actor.kind is ActorKind.VEHICLE:
+            self.fleet.forget_way(actor.actor_id, velocity)
+        elif actor.kind is ActorKind.WALKER:
+            row = self._table.row(actor.actor_id)
+            self._table.velocity[row] = velocity
+            self._walkers.forget_way(actor.actor_id, self._table.location[row])
 
     def step(
         self,

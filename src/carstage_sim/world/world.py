@@ -355,6 +355,17 @@ class World:
         if actor.vehicle is not None:
             self.fleet.set_transform(actor_id, pose.location, pose.rotation_deg)
 
+    def put(self, actor_id: int, pose: Pose, velocity: Vector3) -> None:
+        """As :meth:`set_pose`, but the way there is not motion, also of who has no physics.
+
+        Args:
+            actor_id: an actor that is attached to none.
+            pose: in the world.
+            velocity: what it was until now, m/s, world.
+        """
+        self.set_pose(actor_id, pose)
+        self._mechanics.forget_way(self.live(actor_id), velocity)
+
     def set_location(self, actor_id: int, location: Vector3) -> None:
         """Teleport an actor without turning it; of an attached one, within its parent's frame."""
         actor = self.live(actor_id)

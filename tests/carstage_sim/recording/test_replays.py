@@ -132,6 +132,32 @@ def test_replayed_velocities_follow_from_the_poses(
     assert np.linalg.norm(expected[0]) > 1.0
 
 
+@pytest.mark.parametrize("time_factor", [1.0, 2.0])
+def test_a_replay_that_begins_late_or_on_living_actors_begins_in_motion(
+    new_world: Callable[[], World], recorder: RecorderController, time_factor: float
+) -> None:
+    recorded = recording(new_world, recorder, 60)[40:43]
+    fresh, lived_in = new_world(), new_world()
+    populate(lived_in)
+    for actor_id in (car.actor_id for car in lived_in.actors.of_kind(ActorKind.VEHICLE)):
+        x, y, z = lived_in.actors.pose(actor_id).location
+        lived_in.set_pose(actor_id, Pose((x + 5.0, y, z)))
+    tick(lived_in, recorder)
+    recorder.set_time_factor(time_factor)
+    for world in (fresh, lived_in):
+        recorder.replay("drive.log", world, ReplayOptions(start_s=2.0))
+        again = tick(world, recorder).state
+        moving = np.isin(again.kind, (ActorKind.VEHICLE, ActorKind.WALKER))
+        then = rows_of(recorded[0], ActorKind.VEHICLE, ActorKind.WALKER)
+        first, later = recorded[0].state, recorded[int(time_factor)].state
+        velocity = (later.location[then] - first.location[then]) / DELTA_S
+        assert np.linalg.norm(velocity, axis=1).min() > 1.0
+        np.testing.assert_allclose(again.velocity[moving], velocity, atol=0.02)
+        np.testing.assert_allclose(again.acceleration[moving], 0.0, atol=3.0 * time_factor**2)
+        turned = again.angular_velocity_deg[moving][:-1, 2] / time_factor
+        np.testing.assert_allclose(turned, first.angular_velocity_deg[then][:-1, 2], atol=3.0)
+
+
 def test_replay_at_another_step_is_between_the_recorded_poses(
     new_world: Callable[[], World], recorder: RecorderController
 ) -> None:
@@ -231,6 +257,24 @@ def test_actors_that_come_and_go_do_so_in_the_replay(
         tick(world, recorder)
         alive.append([car.actor_id for car in world.actors.of_kind(ActorKind.VEHICLE)])
     assert alive == [[first]] * 9 + [[second]] * 10
+
+
+def test_actors_that_come_in_a_replay_come_without_a_velocity(
+    new_world: Callable[[], World], recorder: RecorderController, stage01: Town
+) -> None:
+    world = new_world()
+    recorder.start("drive.log", world, additional_data=False)
+    drive(world, recorder, 10)
+    car = world.spawn(CAR, {}, place(stage01, 0)).actor_id
+    drive(world, recorder, 10)
+    recorder.stop()
+    world = new_world()
+    x, y, z = place(stage01, 0).location
+    assert world.spawn(CAR, {}, Pose((x + 5.0, y, z))).actor_id == car
+    recorder.replay("drive.log", world, ReplayOptions())
+    while recorder.replaying:
+        again = tick(world, recorder).state
+        assert np.abs(again.velocity[again.kind == ActorKind.VEHICLE, :2]).max() < 0.5
 
 
 def test_attached_actors_ride_on_their_parents_again_and_sensors_come_on_request(

@@ -253,6 +253,18 @@ class VehicleFleet:
             rows.airborne[row] = True
             self._set_velocity(row, velocity)
 
+    def forget_way(self, actor_id: int, velocity: ArrayLike) -> None:
+        """Takes the way of a vehicle since the last tick out of its motion.
+
+        Args:
+            actor_id: one with physics off.
+            velocity: what it was in the last tick, m/s, world.
+        """
+        row, rows = self.row(actor_id), self._rows
+        rows.origin_location[row] = rows.location[row]
+        rows.origin_rotation_deg[row] = rows.rotation_deg[row]
+        rows.velocity[row] = velocity
+
     def set_wheel_angle(self, actor_id: int, angle_deg: float) -> None:
         """Turns the front wheels of a vehicle that only :meth:`set_transform` moves."""
         self._rows.wheel_angle_deg[self.row(actor_id)] = angle_deg

@@ -56,6 +56,14 @@ class WalkerMotion:
         """Whether a walker was in the air after the last tick."""
         return bool(self._fall[self._ids == actor_id].any())
 
+    def forget_way(self, walker_id: int, location: FloatArray) -> None:
+        """Lets a walker's motion begin at a place, as if it had never been elsewhere."""
+        others = self._ids != walker_id
+        self._ids = np.append(self._ids[others], walker_id)
+        self._before = np.vstack([self._before[others], location])
+        self._knock = np.vstack([self._knock[others], np.zeros(2)])
+        self._fall = np.append(self._fall[others], 0.0)
+
     def knock(self, walkers: Sequence[Actor], hit: Sequence[Actor], velocity: FloatArray) -> None:
         """Adds velocities that collisions gave to walkers.
 

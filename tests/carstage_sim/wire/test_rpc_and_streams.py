@@ -382,6 +382,22 @@ def test_boxes_of_the_level_hold_the_heads_of_its_traffic_lights(client: RawClie
     assert all(box in client.value("get_all_level_BBs", 255) for box in boxes)
 
 
+@pytest.mark.parametrize(
+    ("direction", "range_m", "found"),
+    [
+        ([0.0, 0.0, -0.25], 9.0, True),
+        ([0.0, 0.0, -4.0], 3.0, False),
+        ([0.0, 0.0, 0.0], 9.0, False),
+    ],
+)
+def test_the_length_of_a_direction_does_not_change_how_far_a_point_is_projected(
+    client: RawClient, direction: list[float], range_m: float, found: bool
+) -> None:
+    (x, y, z), _ = free_place(client)
+    is_found, _ = client.value("project_point", [x, y, z + 6.0], direction, range_m)
+    assert is_found is found
+
+
 def test_navigation_mesh_is_found_under_a_name_of_its_content(client: RawClient) -> None:
     (path,) = client.value("get_required_files", "Nav")
     mesh = client.value("request_file", path)

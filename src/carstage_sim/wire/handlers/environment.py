@@ -22,6 +22,8 @@ from carstage_sim.world.signals.traffic_light_actors import head_boxes
 from carstage_sim.world.state import ActorKind
 
 _ANY_LABEL = 255
+_SHORTEST_DIRECTION = 1e-4
+"""What is shorter points nowhere (Unreal's ``FVector::GetSafeNormal``)."""
 _DIFFUSE, _EMISSIVE = 2, 3
 """Of ``carla.MaterialParameter``; the others say how a surface is rough or bumpy."""
 
@@ -101,8 +103,10 @@ def _enable_environment_objects(call: Call, object_ids: list[int], enabled: bool
 
 @handles("project_point")
 def _project_point(call: Call, origin: list[float], direction: list[float], range_m: float) -> Any:
-    start = values.vector(origin)
-    end = tuple(o + d * range_m for o, d in zip(start, values.vector(direction), strict=True))
+    start, ahead = values.vector(origin), np.array(values.vector(direction))
+    length = float(np.linalg.norm(ahead))
+    # The length of a direction does not count, as in CARLA's ``RayTracer.cpp``.
+    end = start + (ahead * (range_m / length) if length > _SHORTEST_DIRECTION else 0.0)
 
     def encode(hits: list[tuple[Vector3, int]]) -> list[Any]:
         if not hits:

@@ -11,11 +11,11 @@ import pytest
 import yaml
 from numpy.typing import NDArray
 
-from carstage.dataset import Dataset, Frame
+from carstage.dataset import Dataset, Frame, Occupancy
 from carstage.errors import BadInputError
 from carstage.exporters import ExportOptions, export_dataset
 from carstage.exporters.clouds import LabelledCloud, nearest_rays
-from carstage.exporters.formats.semantic_kitti import point_labels
+from carstage.exporters.formats.semantic_kitti import NAMES, point_labels, voxel_labels
 from carstage.tags import TAGS_0_9_14
 from carstage.testing.exporter import ExporterTests
 from driving import carstage
@@ -159,6 +159,23 @@ def test_what_is_ridden_moves_in_one_class_with_its_rider(
     }
     frame = cast("Frame", SimpleNamespace(objects=objects, ego=None))
     assert (point_labels(cloud, frame) & 0xFFFF).tolist() == expected
+
+
+def test_voxels_of_a_parked_car_do_not_move_with_an_actor_whose_id_is_like_its_own() -> None:
+    parked, actor = 2**52 + 30, 30
+    car = {tag.name: value for value, tag in TAGS_0_9_14.items()}["Car"]
+    content = SimpleNamespace(
+        occupied=np.array([True, False, True]),
+        semantic=np.array([car, 0, car], np.uint8),
+        tracks=np.array([parked, 0, actor]),
+    )
+    objects = {
+        parked: {"class": "car", "velocity": [0.0, 0.0, 0.0]},
+        actor: {"class": "car", "velocity": [8.0, 0.0, 0.0]},
+    }
+    frame = cast("Frame", SimpleNamespace(objects=objects, ego=None))
+    found = voxel_labels(cast("Occupancy", content), frame) & 0xFFFF
+    assert [NAMES[label] for label in found.tolist()] == ["car", "moving-car"]
 
 
 def test_poses_lead_from_sweep_to_sweep(exported: Path, drive: Path) -> None:

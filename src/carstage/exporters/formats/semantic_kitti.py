@@ -11,7 +11,8 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from carstage.dataset import Episode
+from carstage.annotation.tracks import FIRST_LEVEL_OBJECT
+from carstage.dataset import Episode, Occupancy
 from carstage.dataset.saved_frames import Frame
 from carstage.exporters.axes import OPTICAL_FROM_FLU, flu_points, flu_pose
 from carstage.exporters.clouds import (
@@ -77,6 +78,16 @@ def point_labels(cloud: LabelledCloud, frame: Frame) -> NDArray[np.uint32]:
     return np.asarray(labels | (instances.astype(np.uint32) << 16), dtype="<u4")
 
 
+def voxel_labels(content: Occupancy, frame: Frame) -> NDArray[np.uint32]:
+    """``(N,)`` the same labels of the voxels in which a surface is, in their order.
+
+    Parked vehicles of the town are no actors, and their track ids have more than 32 bits.
+    """
+    tags, tracks = content.semantic[content.occupied], content.tracks[content.occupied]
+    actors = np.where(tracks < FIRST_LEVEL_OBJECT, tracks, 0).astype(np.uint32)
+    return point_labels(LabelledCloud(np.zeros((0, 4), np.float32), tags, actors), frame)
+
+
 @dataclass(frozen=True, slots=True)
 class SweepPart:
     """What a frame adds to the files of its sequence."""
@@ -109,9 +120,7 @@ class SweepWriter:
         content = frame.occupancy()
         if content is None:
             return
-        there = content.occupied
-        tags, tracks = content.semantic[there], content.tracks[there].astype(np.uint32)
-        labels = point_labels(LabelledCloud(cloud.points[:0], tags, tracks), frame)
+        labels = voxel_labels(content, frame)
         for ending, file in voxel_files(content, cloud.points, labels).items():
             (folder / f"{frame.k:06d}{ending}").write_bytes(file)
 

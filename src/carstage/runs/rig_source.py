@@ -19,7 +19,7 @@ RigSource: TypeAlias = "Config | str | Path | Mapping[str, Any]"
 
 _OF_THE_PROGRAM = frozenset(
     ("map", "vehicles", "pedestrians", "scenario", "ego", "episodes", "campaign", "weather",
-     "duration_s", "fps", "traffic")
+     "duration_s", "fps", "traffic", "agents")
 )  # fmt: skip
 """Keys of a configuration that say what drives where, when and how often."""
 _OF_THE_SERVER = ("client_python", "create_client_env")
@@ -116,6 +116,10 @@ def config_of(asked: Mapping[str, Any]) -> Config:
         raise ConfigError(
             "timing: beside another program every sensor measures in each of its steps.",
             "Leave timing.mode and timing.sensor_sync out.",
+        )
+    if config.patches:
+        raise ConfigError(
+            "patches: beside another program no pictures are put up.", "Leave them out."
         )
     if config.variants:
         raise ConfigError(

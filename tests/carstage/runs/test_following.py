@@ -13,11 +13,12 @@ import pyarrow.parquet as pq
 import pytest
 
 import carstage
+from carstage.config import check_config
 from carstage.errors import BadInputError, ConfigError, ConversionError, ServerError
 from carstage.runs import RunResult, record_beside
 from carstage.runs.attempt_commit import AttemptCommit
 from carstage.runs.events import RunEvent
-from carstage.runs.rig_source import settings_of
+from carstage.runs.rig_source import config_of, settings_of
 from carstage.server import free_port
 from running_simulator import RunningSimulator
 from ticking_programs import ticking
@@ -35,6 +36,7 @@ RIG: dict[str, Any] = {
     },
 }
 FAST_RIG: dict[str, Any] = {"rig": {"sensors": [{"id": "IMU", "kind": "imu"}]}}
+BOARD = [{"target": "billboard", "pattern": "noise"}]
 
 
 def address(simulator: RunningSimulator) -> str:
@@ -152,6 +154,8 @@ def test_an_ego_that_never_comes_is_bad_input(simulator: RunningSimulator, tmp_p
     [
         ("no-such-rig", BadInputError, "neither a preset nor a file"),
         ({**RIG, "timing": {"mode": "async"}}, ConfigError, "timing"),
+        ({**RIG, "patches": BOARD}, ConfigError, "^patches: beside another program"),
+        (check_config({**RIG, "patches": BOARD}), ConfigError, "^patches: beside another program"),
         ({**RIG, "senors": []}, ConfigError, "senors: unknown key"),
         ({**RIG, "ego": {"colour": "red"}}, ConfigError, "ego.colour: unknown key"),
         (RIG["rig"], ConfigError, r"Put it below `rig:`, as rig\.sensors"),
@@ -176,6 +180,12 @@ def test_the_python_of_the_collector_can_be_chosen() -> None:
     asked, left_out = settings_of(RIG, ("server.client_python=/opt/python",))
     assert asked["server"] == {"client_python": "/opt/python"}
     assert left_out == ()
+
+
+def test_agents_of_a_file_do_not_count() -> None:
+    asked, left_out = settings_of({**RIG, "agents": [{"name": "second", "rig": RIG["rig"]}]}, ())
+    assert left_out == ("agents",)
+    assert config_of(asked).agents == ()
 
 
 def test_keys_of_a_file_that_do_not_count_are_named(

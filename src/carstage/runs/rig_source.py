@@ -31,6 +31,9 @@ def settings_of(
 ) -> tuple[dict[str, Any], tuple[str, ...]]:
     """The keys that say what is recorded, and which others were given and do not count.
 
+    ``fps`` stays, though it does not count: the rest was written for it, and is checked with it
+    until the program's own is known.
+
     Args:
         source: where the rig is.
         overrides: as ``labels.method=pixels``.
@@ -42,7 +45,7 @@ def settings_of(
     """
     given = _given(source)
     left_out = tuple(sorted(_OF_THE_PROGRAM & given.keys()))
-    asked = {key: value for key, value in given.items() if key not in _OF_THE_PROGRAM}
+    asked = {k: v for k, v in given.items() if k == "fps" or k not in _OF_THE_PROGRAM}
     server = asked.get("server", {})
     asked["server"] = {key: server[key] for key in _OF_THE_SERVER if key in server}
     for override in overrides:

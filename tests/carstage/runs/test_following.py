@@ -188,6 +188,15 @@ def test_agents_of_a_file_do_not_count() -> None:
     assert config_of(asked).agents == ()
 
 
+def test_a_file_is_checked_with_its_own_frame_rate_until_the_program_tells_one() -> None:
+    lidar = {"id": "L", "kind": "lidar", "attributes": {"rotation_frequency_hz": 20}}
+    asked, left_out = settings_of({"fps": 20, "rig": {"sensors": [lidar]}}, ())
+    assert left_out == ("fps",)
+    assert config_of(asked).fps == 20.0
+    with pytest.raises(ConfigError, match="rotation_frequency_hz"):
+        config_of({**asked, "fps": 10.0})
+
+
 def test_keys_of_a_file_that_do_not_count_are_named(
     simulator: RunningSimulator, tmp_path: Path
 ) -> None:

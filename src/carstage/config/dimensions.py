@@ -23,7 +23,8 @@ Path = tuple[str | int, ...]
 _ALONE = frozenset(
     ("duration_s", "save_every", "map", "weather", "vehicles", "pedestrians", "traffic", "ego")
 )
-"""Settings that go together with any others, but for the number of steps, drivers and maps."""
+"""Settings that go together with any others, but for the number of steps and _NOT_ALONE."""
+_NOT_ALONE = (("map",), ("ego", "driver"), ("ego", "spawn"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,8 +81,7 @@ class Variants:
         keys = sorted({str(path[0]) for path in paths})
         base = config.model_dump(mode="json")
         self._base = {key: base[key] for key in keys}
-        together = any(path[0] == "map" or path[:2] == ("ego", "driver") for path in paths)
-        self._alone = _ALONE.issuperset(keys) and not together
+        self._alone = _ALONE.issuperset(keys) and not any(map(_meets_others, paths))
         self._model = _sections_model(tuple(keys))
 
     def with_values(self, values: Mapping[Path, Any]) -> Config:
@@ -111,6 +111,11 @@ class Variants:
             found = (tuple(context["path"]), context["sentence"], context["hint"])
             raise error_of([found]) from error
         return made
+
+
+def _meets_others(path: Path) -> bool:
+    """Whether a path is at, above or below one of ``_NOT_ALONE``."""
+    return any(one[: len(path)] == path[: len(one)] for one in _NOT_ALONE)
 
 
 @cache

@@ -106,6 +106,14 @@ def test_strata_and_grids_decide_how_many_episodes_there_are() -> None:
         ("scenario: {choice: [{kind: log, file: x}]}", "scenario.choice[0]: what a file tells"),
         ("scenario: {choice: [{kind: scenic, file: x}]}", "scenario.choice[0]: what a file tells"),
         ("campaign: {sample: {'..': {range: [1, 2]}}}", "campaign.sample...: this is no path"),
+        (
+            "{ego: {spawn: {choice: [1, 2]}}, agents: [{name: a, spawn: 2, rig: {preset: demo}}]}",
+            "ego.spawn.choice[1]: spawn point 2 is that of 'ego'.",
+        ),
+        (
+            "{ego: {choice: [{spawn: 3}, {driver: route}]}, timing: {mode: async}}",
+            "ego.choice[1].driver: a driver needs a world that waits for each step.",
+        ),
         ("campaign: {method: gird}", "campaign.method: unknown value 'gird'."),
         ("campaign: {method: stratified}", "campaign.strata: no strata are named."),
         ("campaign: {strata: [fps]}", "campaign.strata: it goes with method stratified."),

@@ -31,7 +31,7 @@ from carstage.config.scene import (
     Ego,
     MapConfig,
     Scenario,
-    check_program,
+    check_file,
 )
 from carstage.config.sensors import CameraSensor, Sensor
 from carstage.config.servers import EmbeddedServerConfig, ServerConfig
@@ -274,7 +274,7 @@ class Config(Section):
         """
         check_substepping(self.timing, self.fps)
         check_events(self.scenario, self.timing)
-        check_program(self.scenario, self.timing)
+        check_file(self.scenario, self.timing)
         check_driver(self.ego.driver, self.scenario, self.timing, self.colour_cameras)
         check_agents(self)
         self._check_maps()

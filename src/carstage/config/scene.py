@@ -378,20 +378,6 @@ class ScenicScenario(Section):
         return params
 
 
-def check_program(scenario: Section, timing: Timing) -> None:
-    """Refuse a program where the world runs by the clock.
-
-    Raises:
-        PydanticCustomError: with the path of the setting.
-    """
-    if isinstance(scenario, ScenicScenario | OpenScenarioScenario) and timing.mode != "sync":
-        raise problem(
-            "a program needs a world that waits for each step.",
-            "Set timing.mode to sync.",
-            *("scenario", "kind"),
-        )
-
-
 def _accept_former_name(data: Any) -> Any:
     """``hold`` is what versions up to 0.1 called ``stationary``."""
     if isinstance(data, dict) and data.get("kind") == "hold":
@@ -413,3 +399,17 @@ Scenario = Annotated[
 FROM_FILES = (ReplayScenario, LogScenario, ScenicScenario, OpenScenarioScenario)
 """Scenarios that follow a file, which is read once for all episodes."""
 SCENARIO_KINDS = ("autopilot", "route", "stationary", "replay", "log", "scenic", "openscenario")
+
+
+def check_file(scenario: Section, timing: Timing) -> None:
+    """Refuse what a file tells step by step where the world runs by the clock.
+
+    Raises:
+        PydanticCustomError: with the path of the setting.
+    """
+    if isinstance(scenario, FROM_FILES) and timing.mode != "sync":
+        raise problem(
+            "what a file tells needs a world that waits for each step.",
+            "Set timing.mode to sync.",
+            *("scenario", "kind"),
+        )

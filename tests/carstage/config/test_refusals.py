@@ -194,7 +194,17 @@ REFUSED = {
     ),
     "Scenic by the clock": (
         "scenario: {kind: scenic, file: a.scenic}\ntiming: {mode: async}",
-        "scenario.kind: a program needs a world that waits",
+        "scenario.kind: what a file tells needs a world that waits",
+        "timing.mode",
+    ),
+    "a replay by the clock": (
+        "scenario: {kind: replay, episode: e}\ntiming: {mode: async}",
+        "scenario.kind: what a file tells needs a world that waits",
+        "timing.mode",
+    ),
+    "a log by the clock": (
+        "scenario: {kind: log, file: f}\ntiming: {mode: async}",
+        "scenario.kind: what a file tells needs a world that waits",
         "timing.mode",
     ),
     "a list for scenario_runner": (

@@ -166,6 +166,9 @@ def _raw_bytes(spec: EpisodeSpec) -> int:
             per_frame += sensor_kind(sensor.kind).raw_bytes * _pixels(sensor)
         elif "points_per_second" in sensor.attributes:
             per_frame += sensor_kind(sensor.kind).raw_bytes * _rays(sensor, spec.fps)
+        elif sensor.flash is not None:
+            rays = sensor.flash.beams * sensor.flash.samples**2
+            per_frame += sensor_kind(sensor.kind).raw_bytes * rays
         elif sensor.content == VOXELS and spec.labels.occupancy is not None:
             occupied = _OCCUPIED * math.prod(spec.labels.occupancy.cells)
             per_frame += round(sensor_kind(sensor.kind).raw_bytes * occupied)
@@ -181,7 +184,7 @@ def _dataset_bytes(spec: EpisodeSpec) -> int:
             per_frame += _LABEL_BYTES * objects
         if sensor.hidden:
             continue
-        if "image_size_x" in sensor.attributes:
+        if "image_size_x" in sensor.attributes or sensor.flash is not None:
             per_frame += _file_bytes(sensor) * _written_data(sensor)
         elif "points_per_second" in sensor.attributes:
             per_frame += _file_bytes(sensor) * _rays(sensor, spec.fps)

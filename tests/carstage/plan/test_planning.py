@@ -275,6 +275,17 @@ def test_estimate_grows_with_pixels_and_saved_frames() -> None:
     assert large.dataset_bytes > 20 * small.dataset_bytes
 
 
+def test_estimate_of_a_flash_lidar_by_rays_counts_its_rays_and_points() -> None:
+    lidar = "{labels: {cameras: []}, rig: {sensors: [{id: L, kind: %s}]}}"
+    (ray,), (imu,) = plan(lidar % "ray_flash_lidar"), plan(lidar % "imu")
+    flash = ray.streams["L"].flash
+    assert flash is not None
+    rays, without = (estimate_run(Config(), [spec]) for spec in (ray, imu))
+    frames = ray.saved_frames
+    assert rays.raw_bytes - without.raw_bytes == frames * flash.beams * flash.samples**2 * 24
+    assert rays.dataset_bytes > frames * flash.most_points * 4
+
+
 @pytest.mark.parametrize("method", get_args(Labels.model_fields["method"].annotation))
 def test_the_labeller_understands_every_method_that_can_be_asked_for(method: str) -> None:
     (spec,) = plan(f"labels: {{method: {method}}}")

@@ -312,8 +312,10 @@ class World:
         self._dying.pop(actor_id, None)
         self._remember(actor)
         self._attachments = None
-        orphans = [one.actor_id for one in self.actors if one.parent_id == actor_id]
-        self.actors.stop(orphans)
+        orphans = [one for one in self.actors if one.parent_id == actor_id]
+        for orphan in orphans:
+            orphan.parent_id = 0  # the id may be given again
+        self.actors.stop(orphan.actor_id for orphan in orphans)
         return True
 
     def kill_walker(self, actor_id: int) -> None:

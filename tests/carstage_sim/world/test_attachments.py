@@ -97,6 +97,21 @@ def test_what_rode_on_a_destroyed_actor_stays_where_it_was(world: World, stage01
     assert world.actors.pose(camera.actor_id) == before
 
 
+def test_what_rode_on_a_destroyed_actor_does_not_ride_on_the_next_one_of_that_id(
+    world: World, stage01: Town
+) -> None:
+    car = world.spawn(CAR, {}, place(stage01)).actor_id
+    camera = world.spawn(CAMERA, {}, Pose((-4.0, 0.0, 2.0)), parent_id=car)
+    ticks(world, 2)
+    before = world.actors.pose(camera.actor_id)
+    world.destroy(car)
+    assert world.spawn(CAR, {}, place(stage01, 6), wanted_id=car).actor_id == car
+    ticks(world, 2)
+    assert world.actors.pose(camera.actor_id) == before
+    world.set_pose(camera.actor_id, Pose((1.0, 2.0, 3.0)))
+    assert world.actors.pose(camera.actor_id).location == (1.0, 2.0, 3.0)
+
+
 def test_set_pose_of_a_rider_is_in_its_parents_frame(world: World, stage01: Town) -> None:
     car = world.spawn(CAR, {}, place(stage01)).actor_id
     camera = world.spawn(CAMERA, {}, Pose((1.0, 0.0, 2.0)), parent_id=car).actor_id

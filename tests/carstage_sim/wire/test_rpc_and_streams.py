@@ -281,6 +281,19 @@ def test_batch_puts_the_new_actor_into_the_commands_that_follow_it(client: RawCl
     assert telemetry[1:4] == [0.25, 0.5, 0.0]
 
 
+def test_batch_attaches_to_no_parent_that_is_not_there(client: RawClient) -> None:
+    before = client.value("get_actors_by_id", list(range(1, 1000)))
+    camera = [0, "sensor.camera.rgb", []]
+    spawn_command = [0, [camera, ORIGIN, [True, 0], 0, "", []]]
+    _, (((kind, (message,)),),) = client.call("apply_batch", [[spawn_command]], False)
+    assert kind == 0
+    assert "unable to attach actor: parent actor 0 not found" in message
+    error, ((kind, (message,)),) = client.call("spawn_actor_with_parent", camera, ORIGIN, 0, 0)
+    assert (error, kind) == (None, 0)
+    assert "unable to attach actor: parent actor 0 not found" in message
+    assert client.value("get_actors_by_id", list(range(1, 1000))) == before
+
+
 def test_batch_answers_every_command_also_after_one_that_failed(client: RawClient) -> None:
     unknown = [[1, [999_999]]]
     malformed = [[2, [1]]]

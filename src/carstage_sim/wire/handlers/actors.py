@@ -10,7 +10,7 @@ from carstage_sim.wire.handlers.registry import Call, handles, handles_void
 from carstage_sim.wire.rpc import Packed
 from carstage_sim.world.actors import Actor
 from carstage_sim.world.blueprints import catalogue
-from carstage_sim.world.errors import ActorNotFoundError
+from carstage_sim.world.errors import ActorNotFoundError, SpawnError
 from carstage_sim.world.spring_arm import RIGID, Attachment, AttachmentType
 
 
@@ -60,18 +60,26 @@ def spawn(
     call: Call,
     description: list[Any],
     transform: list[Any],
-    parent_id: int = 0,
+    parent_id: int | None = None,
     attachment: Attachment = RIGID,
 ) -> Actor:
     """Bring what a client describes into the world, as that client's.
 
     Raises:
         CallError: see :func:`described`.
-        SpawnError: see ``World.spawn``.
+        SpawnError: see ``World.spawn``; the parent's id is 0, as a batch has it for an actor that
+            it spawns itself.
     """
     type_id, attributes = described(call, description)
-    pose = values.pose(transform)
-    actor = call.world.spawn(type_id, attributes, pose, parent_id=parent_id, attachment=attachment)
+    if parent_id == 0:
+        raise SpawnError("unable to attach actor: parent actor 0 not found")
+    actor = call.world.spawn(
+        type_id,
+        attributes,
+        values.pose(transform),
+        parent_id=parent_id or 0,
+        attachment=attachment,
+    )
     actor.client = call.connection.number
     return actor
 

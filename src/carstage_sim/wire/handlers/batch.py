@@ -78,7 +78,7 @@ def _execute(call: Call, name: str, body: list[Any]) -> int:
 def _spawn(call: Call, body: list[Any]) -> int:
     # Versions differ in what stands between the parent and the list of commands that follow.
     description, transform, parent, *attachment, do_after = body
-    parent_id = values.optional(parent) or 0
+    parent_id = values.optional(parent)
     actor = spawn(call, description, transform, parent_id, _attachment(*attachment))
     for command in do_after:
         ((index, following),) = command

@@ -33,6 +33,7 @@ from carstage_sim.world.controls import (
 )
 from carstage_sim.world.debug_shapes import DebugDrawing
 from carstage_sim.world.errors import (
+    ActorError,
     ActorNotFoundError,
     ActorTypeError,
     SpawnError,
@@ -400,15 +401,23 @@ class World:
                 vehicle.ackermann.gains = settings
 
     def control_walker(self, actor_id: int, control: WalkerControl) -> None:
-        """Set where a walker goes and how fast."""
-        self.live(actor_id).walker = control
+        """Set where a walker goes and how fast; one that was killed ignores it."""
+        walker = self.live(actor_id)
+        if actor_id not in self._dying:
+            walker.walker = control
 
     def place_walker(self, actor_id: int, pose: Pose, speed: float) -> None:
         """Put a walker where the client's navigation says; its speed drives the animation.
 
         Navigation gives the place of the feet, an actor's origin is at mid height.
+
+        Raises:
+            ActorNotFoundError: it does not live.
+            ActorError: it was killed.
         """
         walker = self.live(actor_id)
+        if actor_id in self._dying:
+            raise ActorError("Walker is already dead", actor_id)
         (x, y, z), (pitch_deg, yaw_deg, _) = pose
         middle = (x, y, z + walker.box_extent[2])
         self.actors.set_pose(actor_id, Pose(middle, pose.rotation_deg))

@@ -15,7 +15,7 @@ from carstage_sim.world.controls import (
     VehicleControl,
     WalkerControl,
 )
-from carstage_sim.world.errors import ActorNotFoundError, ActorTypeError, SpawnError
+from carstage_sim.world.errors import ActorError, ActorNotFoundError, ActorTypeError, SpawnError
 from carstage_sim.world.pose import Pose, compose
 from carstage_sim.world.signals.traffic_lights import TrafficLightState
 from carstage_sim.world.snapshot import Snapshot
@@ -440,6 +440,19 @@ def test_a_killed_walker_lies_for_ten_seconds_and_goes(world: World) -> None:
     assert world.actors.pose(walker.actor_id).location == lies
     world.tick(0.1)
     assert walker.actor_id not in world.actors
+
+
+def test_a_killed_walker_is_moved_no_more(world: World) -> None:
+    walker = world.spawn(WALKER, {}, Pose((0.0, 0.0, 1.0))).actor_id
+    ticks(world, 2)
+    lies = world.actors.pose(walker).location
+    world.kill_walker(walker)
+    world.control_walker(walker, WalkerControl((1.0, 0.0, 0.0), 1.5))
+    with pytest.raises(ActorError, match=f"Walker is already dead. Actor Id: {walker}"):
+        world.place_walker(walker, Pose((5.0, 5.0, 0.0)), 1.4)
+    snapshot = ticks(world, 5)
+    assert world.actors.pose(walker).location == lies
+    assert snapshot.walkers.speed.tolist() == [0.0]
 
 
 def test_only_walkers_can_be_killed(world: World, stage01: Town) -> None:

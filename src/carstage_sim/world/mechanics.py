@@ -162,12 +162,13 @@ class Mechanics:
                 self._falling[prop_id] = speed
 
     def fallen(self) -> list[int]:
-        """Ids of vehicles and walkers that have left the world downwards."""
+        """Ids of vehicles, walkers and falling props that have left the world downwards."""
         low = self._table.location[:, 2] < KILL_HEIGHT_M
         if not low.any():
             return []
-        low &= np.isin(self._table.kind, (ActorKind.VEHICLE, ActorKind.WALKER))
-        return [int(actor_id) for actor_id in self._table.actor_id[low]]
+        falls = np.isin(self._table.kind, (ActorKind.VEHICLE, ActorKind.WALKER))
+        falls |= np.isin(self._table.actor_id, list(self._falling))
+        return [int(actor_id) for actor_id in self._table.actor_id[low & falls]]
 
     def _hide_objects(self) -> None:
         # The obstacles are shared by episodes: what an earlier one hid is not hidden in this one.

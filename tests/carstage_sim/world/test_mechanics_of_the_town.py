@@ -217,8 +217,13 @@ def test_tyres_in_a_friction_trigger_read_its_friction(world: World, stage01: To
 def test_what_falls_out_of_the_world_is_destroyed(world: World) -> None:
     car = world.spawn(CAR, {}, Pose((5000.0, 0.0, KILL_HEIGHT_M + 2.0)))
     walker = world.spawn(WALKER, {}, Pose((5010.0, 0.0, KILL_HEIGHT_M + 2.0)))
+    low = Pose((5020.0, 0.0, KILL_HEIGHT_M + 2.0))
+    falling, resting = (world.spawn("static.prop.trafficcone01", {}, low) for _ in range(2))
+    world.set_simulate_physics(falling.actor_id, True)
     for _ in range(20):
         tick(world, 0.05)
     assert car.actor_id not in world.actors
     assert walker.actor_id not in world.actors
+    assert falling.actor_id not in world.actors
+    assert resting.actor_id in world.actors
     assert world.live_or_dead(car.actor_id) is car

@@ -147,6 +147,9 @@ class ReplayCast:
             return
         if added.type_id.startswith("sensor.") and not options.sensors:
             return
+        if not np.isfinite(added.pose).all():
+            logger.warning("not replayed: %s: its pose is not finite", added.type_id)
+            return
         living = world.actors.get(added.actor_id)
         if living is not None and living.type_id == added.type_id:
             actor_id = living.actor_id

@@ -61,6 +61,8 @@ from carstage_sim.world.vehicles.parameters import VehicleParameters
 from carstage_sim.world.vehicles.poses import VehicleMotion
 
 _REMEMBERED_DEAD = 4096
+_LARGEST_WANTED_ID = 0x7FFF_FFFF
+"""Ids have 32 bits, and actors that come later need higher ones."""
 _FIRST_STREAM = 1
 _OF_THE_MAP = frozenset({ActorKind.TRAFFIC_LIGHT, ActorKind.TRAFFIC_SIGN})
 _SPECTATOR_HEIGHT_M = 20.0
@@ -179,7 +181,7 @@ class World:
 
     def _id_for(self, wanted_id: int) -> int:
         """The wanted id where it is free, as CARLA's ``ActorRegistry`` gives it, else a new one."""
-        if wanted_id <= 0 or wanted_id in self.actors:
+        if not 0 < wanted_id <= _LARGEST_WANTED_ID or wanted_id in self.actors:
             return self._new_id()
         self._next_actor_id = max(self._next_actor_id, wanted_id + 1)
         return wanted_id

@@ -465,6 +465,33 @@ def test_doors_that_no_vehicle_has_are_not_replayed(
     assert car.vehicle.open_doors == bits
 
 
+def test_a_recorded_id_after_which_no_more_are_left_is_not_taken(
+    new_world: Callable[[], World], stage01: Town
+) -> None:
+    world = new_world()
+    cast = ReplayCast(world, ReplayOptions())
+    added = ActorAdded(0xFFFF_FFFF, int(ActorKind.VEHICLE), place(stage01, 0), 0, CAR, ())
+    cast.play([(Packet.EVENT_ADD, actors_added_packet([added])[HEADER.size :])])
+    played = cast.actor(0xFFFF_FFFF)
+    assert played is not None
+    assert world.spawn(CAR, {}, place(stage01, 6)).actor_id == played.actor_id + 1
+
+
+@pytest.mark.parametrize(
+    "pose", [Pose((np.nan, 0.0, 0.0)), Pose(rotation_deg=(0.0, np.inf, 0.0))], ids=["place", "turn"]
+)
+def test_actors_without_a_finite_pose_are_not_replayed(
+    new_world: Callable[[], World], pose: Pose
+) -> None:
+    world = new_world()
+    before = len(world.actors)
+    cast = ReplayCast(world, ReplayOptions())
+    added = ActorAdded(500, int(ActorKind.VEHICLE), pose, 0, CAR, ())
+    cast.play([(Packet.EVENT_ADD, actors_added_packet([added])[HEADER.size :])])
+    assert cast.actor(500) is None
+    assert len(world.actors) == before
+
+
 def test_a_full_disk_is_a_recording_error_and_the_file_is_given_back(
     new_world: Callable[[], World],
 ) -> None:

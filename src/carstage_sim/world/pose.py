@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from carstage_sim.geometry import pose_matrix, rotation_deg
@@ -25,3 +26,15 @@ def compose(world_from_parent: Pose, parent_from_child: Pose) -> Pose:
     x, y, z = matrix[:3, 3].tolist()
     pitch, yaw, roll = rotation_deg(matrix[:3, :3]).tolist()
     return Pose((x, y, z), (pitch, yaw, roll))
+
+
+def normalised(pose: Pose) -> Pose:
+    """The same pose with a pitch within 90 and a yaw and roll within 180 degrees.
+
+    So Unreal reports an actor's rotation, whatever it was set to.
+    """
+    pitch, yaw, roll = (math.remainder(angle, 360.0) for angle in pose.rotation_deg)
+    if abs(pitch) > 90.0:
+        pitch = math.copysign(180.0, pitch) - pitch
+        yaw, roll = math.remainder(yaw + 180.0, 360.0), math.remainder(roll + 180.0, 360.0)
+    return pose._replace(rotation_deg=(pitch, yaw, roll))

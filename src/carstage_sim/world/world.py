@@ -42,7 +42,7 @@ from carstage_sim.world.errors import (
 from carstage_sim.world.freezing import SiteColumns, freeze, site_columns
 from carstage_sim.world.lane_index import LaneIndex
 from carstage_sim.world.mechanics import Mechanics, Terrain, terrain_of
-from carstage_sim.world.pose import Pose, Vector3, compose
+from carstage_sim.world.pose import Pose, Vector3, compose, normalised
 from carstage_sim.world.signals.approaches import Approaches
 from carstage_sim.world.signals.arm_turns import ArmTurns
 from carstage_sim.world.signals.traffic_light_actors import traffic_light_actor, traffic_sign_actor
@@ -261,7 +261,7 @@ class World:
             raise SpawnError(f"unable to attach actor: parent actor {parent_id} not found")
         if parent_id and attachment.socket:
             self._check_socket(parent_id, attachment.socket)
-        placed = compose(self.actors.pose(parent_id), pose) if parent_id else pose
+        placed = compose(self.actors.pose(parent_id), pose) if parent_id else normalised(pose)
         merged = actor_attributes(blueprint, attributes)
         blueprint = seated(blueprint, merged)
         solid = blueprint.kind in (ActorKind.VEHICLE, ActorKind.WALKER)
@@ -354,6 +354,7 @@ class World:
             actor.relative = pose
             self._attachments = None
             return
+        pose = normalised(pose)
         if actor.kind is ActorKind.WALKER and actor.simulate_physics:
             pose = self._mechanics.lifted(pose, actor.box_extent[2])
         self.actors.set_pose(actor_id, pose)
@@ -422,7 +423,7 @@ class World:
             raise ActorError("Walker is already dead", actor_id)
         (x, y, z), (pitch_deg, yaw_deg, _) = pose
         middle = (x, y, z + walker.box_extent[2])
-        self.actors.set_pose(actor_id, Pose(middle, pose.rotation_deg))
+        self.actors.set_pose(actor_id, normalised(Pose(middle, pose.rotation_deg)))
         pitch, yaw = math.radians(pitch_deg), math.radians(yaw_deg)
         ahead = (math.cos(pitch) * math.cos(yaw), math.cos(pitch) * math.sin(yaw), 0.0)
         walker.walker = WalkerControl(ahead, speed)

@@ -16,7 +16,7 @@ from carstage_sim.world.controls import (
     WalkerControl,
 )
 from carstage_sim.world.errors import ActorError, ActorNotFoundError, ActorTypeError, SpawnError
-from carstage_sim.world.pose import Pose, compose
+from carstage_sim.world.pose import Pose, Vector3, compose
 from carstage_sim.world.signals.traffic_lights import TrafficLightState
 from carstage_sim.world.snapshot import Snapshot
 from carstage_sim.world.world import World
@@ -453,6 +453,40 @@ def test_a_killed_walker_is_moved_no_more(world: World) -> None:
     snapshot = ticks(world, 5)
     assert world.actors.pose(walker).location == lies
     assert snapshot.walkers.speed.tolist() == [0.0]
+
+
+@pytest.mark.parametrize(
+    ("given", "reported"),
+    [
+        ((0.0, 270.0, 0.0), (0.0, -90.0, 0.0)),
+        ((0.0, -450.0, 350.0), (0.0, -90.0, -10.0)),
+        ((100.0, 30.0, 0.0), (80.0, -150.0, 180.0)),
+        ((-190.0, 0.0, 20.0), (10.0, 180.0, -160.0)),
+        ((-30.0, 180.0, -180.0), (-30.0, 180.0, -180.0)),
+    ],
+)
+def test_rotations_are_reported_within_half_a_turn(
+    world: World, given: Vector3, reported: Vector3
+) -> None:
+    pose = Pose((0.0, 0.0, 1.0), given)
+    spawned = world.spawn("static.prop.trafficcone01", {}, pose)
+    moved = [world.spawn("static.prop.trafficcone01", {}, Pose()), world.spectator]
+    for actor in moved:
+        world.set_pose(actor.actor_id, pose)
+    for actor in (spawned, *moved):
+        found = world.actors.pose(actor.actor_id)
+        assert found.rotation_deg == pytest.approx(reported)
+        np.testing.assert_allclose(pose_matrix(*found), pose_matrix(*pose), atol=1e-12)
+
+
+def test_a_vehicle_reports_its_yaw_alike_before_and_after_it_turns(
+    world: World, stage01: Town
+) -> None:
+    location, (pitch, yaw, roll) = place(stage01)
+    car = world.spawn(CAR, {}, Pose(location, (pitch, yaw + 360.0, roll)))
+    world.control_vehicle(car.actor_id, VehicleControl(throttle=0.5, steer=0.1))
+    yaws = [ticks(world, 1).state.rotation_deg[world.actors.row(car.actor_id), 1] for _ in range(9)]
+    assert np.abs(np.diff(yaws)).max() < 1.0
 
 
 def test_only_walkers_can_be_killed(world: World, stage01: Town) -> None:

@@ -22,7 +22,10 @@ ORBIT = "orbit"
 FOLLOW_EGO = "follow"
 FASTEST_DRONE_M_S = 100.0
 HEADING_AHEAD_S = 1.0
-"""A drone on a path of waypoints heads for where it will be after this time."""
+"""A drone on a path of waypoints heads for where it will be after this time.
+
+Where that is straight above or below, it heads as on the next level leg, else the last one.
+"""
 STEEPEST_DEG = 89.9
 """Of a gimbal: at 90 degrees yaw and roll turn about one axis, which servers tell differently."""
 _LEVEL_M = 1e-6
@@ -79,26 +82,35 @@ class WaypointsSpec(Value):
         there = self._along(self.speed_m_s * (time_s + HEADING_AHEAD_S))
         if hypot(there[0] - here[0], there[1] - here[1]) > _LEVEL_M:
             return Wanted(here, _heading_deg(here, there))
-        level = [leg for leg in self._legs if hypot(leg[1][0] - leg[0][0], leg[1][1] - leg[0][1])]
-        return Wanted(here, _heading_deg(*level[-1]) if level else 0.0)
+        legs, (now, _) = self._legs, self._leg_at(self.speed_m_s * time_s)
+        nearest = [*legs[now:], *(legs[:now] if self.loop else reversed(legs[:now]))]
+        level = [leg for leg in nearest if hypot(leg[1][0] - leg[0][0], leg[1][1] - leg[0][1])]
+        return Wanted(here, _heading_deg(*level[0]) if level else 0.0)
 
     @property
     def _legs(self) -> List[Tuple[Point, Point]]:
         closing = [(self.points[-1], self.points[0])] if self.loop else []
         return [*zip(self.points, self.points[1:]), *closing]
 
+    def _leg_at(self, way_m: float) -> Tuple[int, float]:
+        """The leg at a length of the path, and which share of it is behind the drone."""
+        lengths = [_apart(*leg) for leg in self._legs]
+        if self.loop:
+            way_m %= sum(lengths)
+        for number, length in enumerate(lengths):
+            if way_m < length:
+                return number, way_m / length
+            way_m -= length
+        return len(lengths) - 1, 1.0
+
     def _along(self, way_m: float) -> Point:
         """The point at a length of the path."""
-        legs = [(leg, _apart(*leg)) for leg in self._legs]
-        if self.loop:
-            way_m %= sum(length for _, length in legs)
-        for (begin, end), length in legs:
-            if way_m < length:
-                share = way_m / length
-                x, y, z = (a + share * (b - a) for a, b in zip(begin, end))
-                return (x, y, z)
-            way_m -= length
-        return self.points[0] if self.loop else self.points[-1]
+        number, share = self._leg_at(way_m)
+        begin, end = self._legs[number]
+        if share == 1.0:
+            return end
+        x, y, z = (a + share * (b - a) for a, b in zip(begin, end))
+        return (x, y, z)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -45,6 +45,17 @@ def test_a_path_flown_at_the_greatest_speed_is_kept_exactly() -> None:
         assert drone.pose.place == path.at(tick * STEP_S).place
 
 
+def test_a_drone_that_rises_or_sinks_heads_for_the_next_level_leg_or_as_on_the_last() -> None:
+    ground, up, east = (0.0, 0.0, 0.0), (0.0, 0.0, 40.0), (40.0, 0.0, 40.0)
+    south = (40.0, 40.0, 40.0)
+    path = WaypointsSpec((ground, up, east, south, (40.0, 40.0, 0.0)), speed_m_s=10.0)
+    headings = {time_s: path.at(time_s).heading_deg for time_s in (0.0, 2.0, 5.0, 10.0, 13.0, 99.0)}
+    assert headings == pytest.approx({0.0: 0, 2.0: 0, 5.0: 0, 10.0: 90, 13.0: 90, 99.0: 90})
+    loop = WaypointsSpec((ground, east, south, up), speed_m_s=10.0, loop=True)
+    sinking_s = sum(math.dist(*leg) for leg in itertools.pairwise(loop.points)) / 10.0 + 1.0
+    assert loop.at(sinking_s).heading_deg == pytest.approx(0.0)
+
+
 def test_a_drone_behind_a_fast_ego_is_no_faster_than_it_may_be() -> None:
     egos = [EgoPlace(3.0 * tick, 0.0, 0.0, 0.0) for tick in range(15)]  # 30 m/s
     spec = DroneSpec(FollowSpec(-10.0, 0.0, 20.0), GimbalSpec(), 10.0)

@@ -14,6 +14,8 @@ from carstage.config.drivers import (
     Driver,
     RouteDriver,
 )
+from carstage.config.fields import path_text
+from carstage.config.scene import OpenScenarioScenario
 from carstage.errors import ConfigError
 from carstage.spec import (
     ClassDriverSpec,
@@ -22,6 +24,7 @@ from carstage.spec import (
     DeviceDriverSpec,
     DriverSpec,
     EpisodeSpec,
+    OpenScenarioSpec,
     ReplayDriverSpec,
     RouteDriverSpec,
     WeatherSpec,
@@ -83,10 +86,11 @@ def plan_comfort(driver: Driver) -> ComfortSpec | None:
 
 
 def check_drive(config: Config, drive: Drive) -> None:
-    """Refuse a drive that does not fit the configuration's time, or was a fleet's.
+    """Refuse a drive that does not fit the configuration's time or scenario, or was a fleet's.
 
     Raises:
-        ConfigError: it has another frame rate, ends before the episode does, or had agents.
+        ConfigError: it has another frame rate, ends before the episode does, had agents, keeps
+            all sensors in step, or a program played that the configuration does not name.
     """
     if drive.spec.agents:
         raise ConfigError(
@@ -105,6 +109,20 @@ def check_drive(config: Config, drive: Drive) -> None:
             f"duration_s: the episode in ego.driver was driven for {possible_s:g} s.",
             f"Give at most {possible_s:g} s.",
         )
+    for path, sensor in config.sensors_of_all_variants():
+        if sensor.rate_hz is not None and drive.spec.timing.sensor_sync:
+            raise ConfigError(
+                f"{path_text((*path, 'rate_hz'))}: in the episode in ego.driver, which says how "
+                "time runs, sensors measure in every step.",
+                "Leave it out.",
+            )
+    if isinstance(drive.spec.scenario, OpenScenarioSpec):
+        scenario = config.scenario
+        if not isinstance(scenario, OpenScenarioScenario) or scenario.scenario_runner is None:
+            raise ConfigError(
+                "scenario: scenario_runner played a file in the episode in ego.driver.",
+                "Give the same here, with kind openscenario, file and scenario_runner.",
+            )
 
 
 def driven_again(

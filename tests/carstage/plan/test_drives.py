@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pytest
 
 from carstage.config import parse_config
 from carstage.errors import ConfigError
 from carstage.plan import Drive, ServerFacts, plan_episodes
-from carstage.spec import Command, EpisodeSpec, ReplayDriverSpec
+from carstage.spec import Command, EpisodeSpec, OpenScenarioSpec, ReplayDriverSpec
 
 FACTS = ServerFacts(maps={"Stage01": 100, "Stage02": 50})
 OLD = """
@@ -62,6 +63,26 @@ def test_a_drive_of_another_rate_or_too_short_is_refused(
     with pytest.raises(ConfigError) as caught:
         again(drive, NEW.replace(old, new))
     assert caught.value.message.startswith(message)
+
+
+def test_a_sensor_with_a_rate_beside_a_drive_in_step_is_refused(drive: Drive) -> None:
+    own = "timing: {sensor_sync: false}, rig: {sensors: [{id: L, kind: lidar, rate_hz: 4}]}}"
+    text = NEW.replace("}}}", "}}, " + own)
+    with pytest.raises(ConfigError, match=r"^rig\.sensors\[0\]\.rate_hz: in the episode"):
+        again(drive, text)
+    free = replace(drive.spec, timing=replace(drive.spec.timing, sensor_sync=False))
+    assert again(replace(drive, spec=free), text).sensors[0].attributes["sensor_tick"] == "0.25"
+
+
+def test_a_drive_in_a_file_of_scenario_runner_needs_the_file_again(drive: Drive) -> None:
+    played = OpenScenarioSpec("sha256:1", "sha256:2", {})
+    drive = replace(drive, spec=replace(drive.spec, scenario=played))
+    scenario = "scenario: {kind: openscenario, file: a.xosc%s}, "
+    for text in (NEW, NEW.replace("{", "{" + scenario % "", 1)):
+        with pytest.raises(ConfigError, match=r"^scenario: scenario_runner played a file"):
+            again(drive, text)
+    named = NEW.replace("{", "{" + scenario % ", scenario_runner: runner", 1)
+    assert again(drive, named).scenario == played
 
 
 def test_a_drive_of_a_fleet_is_refused() -> None:

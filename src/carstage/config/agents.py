@@ -12,7 +12,7 @@ from carstage.config.drones import DroneFlight
 from carstage.config.fields import Section, problem, setting, shortened
 from carstage.config.rig import Rig
 from carstage.config.scene import FROM_FILES, Channel, Stand
-from carstage.config.sensors import INSTANCE_SUFFIX, LONGEST_STREAM_NAME, Pose
+from carstage.config.sensors import CUBE_SUFFIX, INSTANCE_SUFFIX, LONGEST_STREAM_NAME, Pose
 from carstage.config.servers import EmbeddedServerConfig
 from carstage.config.timing import Timing
 from carstage.sensor_kinds.model import MESSAGES
@@ -50,10 +50,11 @@ class _Agent(Section):
     @model_validator(mode="after")
     def _check_lengths(self) -> _Agent:
         for position, sensor in enumerate(self.rig.sensors):
-            if len(sensor.id) > LONGEST_AGENT_SENSOR_ID:
+            longest = LONGEST_AGENT_SENSOR_ID - (len(CUBE_SUFFIX) if sensor.needs_cube else 0)
+            if len(sensor.id) > longest:
                 raise problem(
                     f"{sensor.id!r} has {len(sensor.id)} characters.",
-                    f"Use at most {LONGEST_AGENT_SENSOR_ID} for the sensors of an agent.",
+                    f"Use at most {longest} for such a sensor of an agent.",
                     "rig", "sensors", position, "id",
                 )  # fmt: skip
         return self

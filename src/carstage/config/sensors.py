@@ -50,7 +50,9 @@ _ID_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 #: Families of actors that can carry a sensor.
 _CARRIERS = ("vehicle.", "walker.", "traffic.", "static.")
 _FARTHEST_M = 100_000.0
-LONGEST_CUBE_ID = LONGEST_SENSOR_ID - len(".x")
+#: What a face of a cube adds to its sensor's id.
+CUBE_SUFFIX = ".x"
+LONGEST_CUBE_ID = LONGEST_SENSOR_ID - len(CUBE_SUFFIX)
 #: What each face of a cube would do by itself, and what is set in its place.
 _WITHOUT_SEAMS: dict[str, str | float] = {
     "exposure_mode": "manual",

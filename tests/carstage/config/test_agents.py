@@ -14,6 +14,7 @@ from carstage.plan import ServerFacts, plan_episodes
 from carstage.spec import EpisodeSpec, SpecError, agent_of, stream_of
 
 LIDAR = {"id": "LIDAR", "kind": "lidar"}
+PANORAMA = {"id": "PANO", "kind": "rgb", "lens": {"model": "equirectangular"}}
 CAR = {"name": "car2", "rig": {"sensors": [{"id": "CAM", "kind": "rgb"}, LIDAR]}}
 MAST = {"name": "mast", "kind": "roadside", "pose": {"x": 1, "z": 5}, "rig": {"sensors": [LIDAR]}}
 ORBIT = {"kind": "orbit", "radius_m": 20}
@@ -69,6 +70,7 @@ def spec(*agents: dict[str, Any], **settings: Any) -> EpisodeSpec:
         ),
         ([{**CAR, "driver": "keyboard"}], {}, r"agents\[0\].driver: only the ego"),
         ([{**CAR, "rig": {"sensors": [{**LIDAR, "id": "L" * 20}]}}], {}, "at most 19"),
+        ([{**CAR, "rig": {"sensors": [{**PANORAMA, "id": "P" * 18}]}}], {}, "at most 17"),
         ([{**CAR, "rig": {"sensors": []}}], {}, r"agents\[0\].rig"),
         ([{key: MAST[key] for key in ("name", "kind", "rig")}], {}, r"agents\[0\].pose"),
         ([CAR], {"scenario": {"kind": "replay", "episode": "x"}}, "agents: a file says"),

@@ -180,16 +180,17 @@ class Replayer:
         last = frame + 1 >= len(self._elapsed_s)
         after = here if last else self._positions(frame + 1, keep=False)
         lasts_s = 1.0 if last else self._elapsed_s[frame + 1] - self._elapsed_s[frame]
-        per_s = 1.0 / lasts_s if lasts_s > 0.0 else 0.0
-        share = min(max((self._time_s - self._elapsed_s[frame]) * per_s, 0.0), 1.0)
+        share = (self._time_s - self._elapsed_s[frame]) / lasts_s if lasts_s > 0.0 else 0.0
+        per_s = time_factor / lasts_s if lasts_s > 0.0 else 0.0
         for recorded_id, numbers in here.items():
             actor = self._cast.actor(recorded_id)
             if actor is None or actor.parent_id in self._world.actors:
                 continue
             later = after.get(recorded_id, numbers)
-            pose = _between(numbers, later, share)
+            pose = _between(numbers, later, min(max(share, 0.0), 1.0))
             if recorded_id in newcomers:
-                x, y, z, *_ = ((later - numbers) / CM_PER_M * per_s * time_factor).tolist()
+                way_m = (later.astype(np.float64) - numbers) / CM_PER_M
+                x, y, z, *_ = (way_m * per_s).tolist()
                 self._world.put(actor.actor_id, pose, (x, y, z))
             else:
                 self._world.set_pose(actor.actor_id, pose)

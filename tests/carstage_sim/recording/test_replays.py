@@ -492,6 +492,26 @@ def test_actors_without_a_finite_pose_are_not_replayed(
     assert len(world.actors) == before
 
 
+def test_the_longest_way_of_a_log_begins_with_a_finite_velocity(
+    new_world: Callable[[], World], recorder: RecorderController, tmp_path: Path
+) -> None:
+    world = new_world()
+    car = ActorAdded(500, int(ActorKind.VEHICLE), place(world.town, 0), 0, CAR, ())
+    parts = [LogInfo(1, 0, "Carla/Maps/Stage01").encode()]
+    for number, x_cm in enumerate((-3e38, 3e38)):
+        position = {"id": [500], "location": [(x_cm, 0.0, 0.0)], "rotation": [(0.0, 0.0, 0.0)]}
+        parts += [
+            packet(Packet.FRAME_START, FRAME.pack(number + 1, DELTA_S, number * DELTA_S)),
+            actors_added_packet([car] if number == 0 else []),
+            rows_packet(Packet.POSITION, **position),
+            packet(Packet.FRAME_END, b""),
+        ]
+    (tmp_path / "far.log").write_bytes(b"".join(parts))
+    recorder.replay("far.log", world, ReplayOptions())
+    assert np.isfinite(world.fleet.location).all()
+    assert world.fleet.velocity[0].tolist() == pytest.approx((6e36 / DELTA_S, 0.0, 0.0))
+
+
 def test_a_full_disk_is_a_recording_error_and_the_file_is_given_back(
     new_world: Callable[[], World],
 ) -> None:

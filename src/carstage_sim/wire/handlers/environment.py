@@ -106,7 +106,8 @@ def _project_point(call: Call, origin: list[float], direction: list[float], rang
     start, ahead = values.vector(origin), np.array(values.vector(direction))
     length = float(np.linalg.norm(ahead))
     # The length of a direction does not count, as in CARLA's ``RayTracer.cpp``.
-    end = start + (ahead * (range_m / length) if length > _SHORTEST_DIRECTION else 0.0)
+    reach = range_m / length if length > _SHORTEST_DIRECTION else 0.0
+    end = (np.array(start) + ahead * reach).tolist()
 
     def encode(hits: list[tuple[Vector3, int]]) -> list[Any]:
         if not hits:

@@ -28,6 +28,7 @@ SHARPEST_PER_M = 10.0
 _LONGEST_WORD = 200
 _SHORTEST_M = 1e-6
 _LARGEST_FACTOR = 1e30
+_OTHER_WAY_ROUND = {"solid broken": "broken solid", "broken solid": "solid broken"}
 _WAY_OUT = "Mend the map there, or turn labels.vector_map off."
 
 
@@ -250,7 +251,20 @@ def _root(text: str | bytes) -> etree._Element:
                 element.tag = etree.QName(element).localname
     if root.tag != "OpenDRIVE":
         refuse("as a whole", f"its root is <{str(root.tag)[:80]}>, not <OpenDRIVE>")
+    _name_strokes_from_inside(root)
     return root
+
+
+def _name_strokes_from_inside(root: etree._Element) -> None:
+    """Turn the strokes of double lines round on the left side of RoadRunner's roads.
+
+    It names them from left to right there, too, the standard from inside to outside. So say the
+    turn lanes in the middle of Town03's roads, whose own strokes are broken.
+    """
+    if any(scene.get("program") == "RoadRunner" for scene in root.iter("vectorScene")):
+        for mark in root.iterfind("road/lanes/laneSection/left/lane/roadMark"):
+            kind = mark.get("type", "").lower()
+            mark.set("type", _OTHER_WAY_ROUND.get(kind, kind))
 
 
 def _road(element: etree._Element) -> Road:

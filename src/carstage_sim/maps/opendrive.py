@@ -31,7 +31,7 @@ from carstage_sim.maps.road_objects import (
     to_left,
 )
 from carstage_sim.maps.signals import TRIGGER_GAP_M, TRIGGER_LENGTH_M
-from carstage_sim.maps.strips import LANE_KINDS, MARK_KINDS
+from carstage_sim.maps.strips import LANE_KINDS, MARK_KINDS, OTHER_WAY_ROUND
 
 STEP_M = 1.0
 _COARSE_STEP_M = 2.0
@@ -65,6 +65,7 @@ def sample(opendrive: str, name: str) -> dict[str, np.ndarray]:
     """
     town = carla.Map(name, opendrive)
     root = root_of(opendrive)
+    from_left = _is_road_runner(root)
     columns: dict[str, list[object]] = {
         key: []
         for key in (
@@ -96,6 +97,7 @@ def sample(opendrive: str, name: str) -> dict[str, np.ndarray]:
                         continue
                     place, turn = waypoint.transform.location, waypoint.transform.rotation
                     inner, outer = waypoint.left_lane_marking, waypoint.right_lane_marking
+                    on_left = waypoint.lane_id if from_left else 0
                     row = {
                         "location": (place.x, place.y, place.z),
                         "rotation_deg": (turn.pitch, turn.yaw, turn.roll),
@@ -106,8 +108,8 @@ def sample(opendrive: str, name: str) -> dict[str, np.ndarray]:
                         "lane_id": waypoint.lane_id,
                         "junction_id": junction_id,
                         "lane_kind": LANE_KINDS.index(lane.get("type")),
-                        "inner_mark": _mark(inner),
-                        "outer_mark": _mark(outer),
+                        "inner_mark": _mark(inner, turned=on_left > 1),
+                        "outer_mark": _mark(outer, turned=on_left > 0),
                         "mark_width_m": (_mark_width(inner), _mark_width(outer)),
                         "station": first_station + number,
                     }
@@ -347,10 +349,21 @@ def _turns(town: carla.Map) -> list[tuple[int, int, list[str]]]:
     return [(road, lane, sorted(turns)) for (road, lane), turns in sorted(found.items())]
 
 
-def _mark(marking: carla.LaneMarking | None) -> tuple[int, int]:
+def _is_road_runner(root: etree._Element) -> bool:
+    """Whether RoadRunner wrote a file, as those of CARLA's towns.
+
+    It names the strokes of double lines from left to right on both sides of a road, the standard
+    from inside to outside. So say the turn lanes in the middle of Town03's roads.
+    """
+    return any(scene.get("program") == "RoadRunner" for scene in root.iter("vectorScene"))
+
+
+def _mark(marking: carla.LaneMarking | None, *, turned: bool) -> tuple[int, int]:
+    """Kind and colour of a line; ``turned``: its strokes are named from outside to inside."""
     if marking is None:
         return 0, 0
     kind = str(marking.type)
+    kind = OTHER_WAY_ROUND.get(kind, kind) if turned else kind
     # Kinds without a drawing of their own (botts dots, grass …) are left blank.
     code = MARK_KINDS.index(kind) if kind in MARK_KINDS else 0
     return code, int(str(marking.color) == "Yellow")

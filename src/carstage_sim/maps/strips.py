@@ -34,6 +34,7 @@ MARK_KINDS = (
     "NONE", "Solid", "Broken", "SolidSolid", "SolidBroken", "BrokenSolid", "BrokenBroken", "Curb",
 )  # fmt: skip
 """The client's names of lines that are drawn; the index is the code in the arrays."""
+OTHER_WAY_ROUND = {"SolidBroken": "BrokenSolid", "BrokenSolid": "SolidBroken"}
 _NARROWEST_M = 0.02
 """Lanes that are nowhere wider do not exist but in the file."""
 _SHORTEST_M = 0.01

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import carla
 import numpy as np
 import pytest
@@ -231,3 +233,17 @@ def test_elements_of_asam_s_namespace_are_read_as_carla_reads_them() -> None:
     )
     assert [lane.id for lane in town.lanes] == [lane.id for lane in vector_map(text).lanes]
     assert len(town.crosswalks) == 1
+
+
+@pytest.mark.parametrize(
+    ("program", "left"), [("RoadRunner", "broken solid"), ("x", "solid broken")]
+)
+def test_strokes_of_double_lines_are_named_from_inside_to_outside(program: str, left: str) -> None:
+    """RoadRunner names them from left to right."""
+    plain = small_maps.road(1, 0, 0, 0, 90)
+    road = re.sub(r'(<roadMark [^>]*type=")[a-z ]+"', r'\1solid broken"', plain)
+    assert road != plain
+    scene = f'<userData><vectorScene program="{program}"/></userData></header>'
+    town = vector_map(small_maps.document(road).replace("</header>", scene))
+    kinds = {mark.lane: mark.type for mark in town.markings}
+    assert (kinds[1], kinds[-1]) == (left, "solid broken")

@@ -245,6 +245,15 @@ def test_a_double_line_has_the_strokes_of_its_kind_from_inside_to_outside(
         assert painted_m2(white, 0, 90, side * (3.5 + 0.12), 0.1) == outer_m2
 
 
+def test_roadrunner_names_the_strokes_of_left_lanes_from_left_to_right() -> None:
+    road = small_maps.road(1, 0, 0, 0, 90).replace(PLAIN, double("solid broken"))
+    scene = '<userData><vectorScene program="RoadRunner"/></userData></header>'
+    white, _ = paint(small_maps.document(road).replace("</header>", scene))
+    for side, inner_m2, outer_m2 in ((1, SOLID_M2, BROKEN_M2), (-1, BROKEN_M2, SOLID_M2)):
+        assert painted_m2(white, 0, 90, side * (3.5 - 0.12), 0.1) == inner_m2
+        assert painted_m2(white, 0, 90, side * (3.5 + 0.12), 0.1) == outer_m2
+
+
 @pytest.mark.parametrize("sides", ["both", "left", "right"])
 def test_a_double_line_in_the_middle_has_its_strokes_from_left_to_right(sides: str) -> None:
     middle = '<lane id="0" type="none" level="false"'

@@ -136,7 +136,8 @@ class WeatherConfig(Section):
     random_from: Names | None = setting(
         None,
         title="Random from",
-        description="Presets to draw one from for each episode; `[all]` is every preset.",
+        description="Presets to draw one from for each episode; `[all]` is every one that the "
+        "server has.",
         min_length=1,
         group="scene",
     )

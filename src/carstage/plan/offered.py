@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from fnmatch import fnmatchcase
 
 from carstage.config import Config, Sensor
@@ -12,17 +12,21 @@ from carstage.config.agents import VehicleAgent
 from carstage.config.attributes import CameraAttributes
 from carstage.config.fields import path_text, unknown
 from carstage.config.traffic import Pedestrians, VehicleGroup, Vehicles
+from carstage.config.weather import WeatherConfig
 from carstage.errors import ConfigError
 from carstage.plan.facts import ServerFacts
 from carstage.plan.scenario import Recording, Storyboard
 from carstage.plan.sources import Source
+from carstage.releases import OLDEST, release_of
 from carstage.sensor_kinds import sensor_kind
+from carstage.spec.sensors import SPRING_ARM_GHOST
 
+_DUST_PRESET = "DustStorm"
 _SIDES = ("image_size_x", "image_size_y")
 
 
 def check_offered(config: Config, facts: ServerFacts, recording: Source | None) -> None:
-    """Refuse blueprints, attributes and values of them that the server does not have.
+    """Refuse blueprints, attributes, weathers and attachments that the server does not have.
 
     Args:
         config: what the user asks for.
@@ -34,6 +38,48 @@ def check_offered(config: Config, facts: ServerFacts, recording: Source | None) 
     """
     _check_blueprints(config, facts, recording)
     _check_limits(config, facts)
+    _check_release(config, facts.dialect)
+
+
+def offered_presets(weather: WeatherConfig, dialect: str) -> tuple[str, ...]:
+    """The presets that an episode may get; of ``all``, those that the server's release has."""
+    if "all" not in (weather.random_from or ()) or not _is_oldest(dialect):
+        return weather.presets
+    return tuple(name for name in weather.presets if name != _DUST_PRESET)
+
+
+def _is_oldest(dialect: str) -> bool:
+    return release_of(dialect) == OLDEST
+
+
+def _check_release(config: Config, dialect: str) -> None:
+    """Refuse dust and attachments that CARLA has from 0.9.14 on."""
+    if not _is_oldest(dialect):
+        return
+    for field, lacking in (*_dust(config.weather), *_ghosts(config)):
+        raise ConfigError(
+            f"{field}: CARLA {OLDEST} has no {lacking}.", "Leave it out, or use a newer CARLA."
+        )
+
+
+def _dust(weather: WeatherConfig) -> Iterator[tuple[str, str]]:
+    """Each place at which a weather names dust, with what is named."""
+    named = [("weather.choice", weather.choice)]
+    named += [(f"weather.random_from[{i}]", n) for i, n in enumerate(weather.random_from or ())]
+    given = [("weather", weather.parameters)]
+    for position, change in enumerate(weather.changes):
+        named.append((f"weather.changes[{position}].choice", change.choice))
+        given.append((f"weather.changes[{position}]", change.parameters))
+    yield from ((field, name) for field, name in named if name == _DUST_PRESET)
+    for place, parameters in given:
+        if parameters.dust_storm:
+            yield f"{place}.parameters.dust_storm", "dust"
+
+
+def _ghosts(config: Config) -> Iterator[tuple[str, str]]:
+    for place, sensor in config.located_sensors():
+        if sensor.attachment == SPRING_ARM_GHOST:
+            yield path_text((*place, "attachment")), SPRING_ARM_GHOST
 
 
 def _check_blueprints(config: Config, facts: ServerFacts, recording: Source | None) -> None:

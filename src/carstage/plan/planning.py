@@ -33,7 +33,7 @@ from carstage.plan.drivers import (
 from carstage.plan.episodes import EpisodePlan
 from carstage.plan.estimate import COST, EpisodeCosts
 from carstage.plan.facts import ServerFacts
-from carstage.plan.offered import check_offered
+from carstage.plan.offered import check_offered, offered_presets
 from carstage.plan.patches import plan_patches
 from carstage.plan.rig import plan_sensors
 from carstage.plan.sampling import Sampling
@@ -214,7 +214,8 @@ class _Planner:
         map_draw, weather_draw, spawn_draw = self._draws.uniform(index, _CHOICES_STREAM, 3)
         maps = self._once("maps", (config.map,), lambda: _maps(config, facts, self._recording))
         name = _pick(maps, map_draw)
-        preset = _pick(config.weather.presets, weather_draw) if config.weather.presets else None
+        presets = offered_presets(config.weather, facts.dialect)
+        preset = _pick(presets, weather_draw) if presets else None
         weather = self._once(
             "weather", (config.weather, preset), lambda: _weather(config.weather, preset)
         )

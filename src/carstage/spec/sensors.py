@@ -16,7 +16,8 @@ EGO = "ego"
 ON_MAP = "world"
 RIGID = "rigid"
 FOLLOW = "follow"
-SPRING_ARMS = ("spring_arm", "spring_arm_ghost")
+SPRING_ARM_GHOST = "spring_arm_ghost"
+SPRING_ARMS = ("spring_arm", SPRING_ARM_GHOST)
 ATTACHMENTS = (RIGID, FOLLOW, *SPRING_ARMS)
 
 

@@ -13,6 +13,7 @@ import pytest
 
 from carstage.config import Config, load_demo, parse_config
 from carstage.config.labels import DEFAULT_LEVEL_OBJECTS, Labels
+from carstage.config.weather import WEATHER_PRESETS
 from carstage.errors import ConfigError
 from carstage.plan import Recording, ServerFacts, Track, estimate_run, plan_episodes
 from carstage.spec import EpisodeSpec, GroundTruthSpec, LabelsSpec, RouteSpec, Seeds
@@ -265,6 +266,41 @@ def test_raw_logs_count_in_full_only_while_they_are_kept() -> None:
     assert streamed[:2] == kept[:2]
     assert kept[2] == kept[0] + kept[1]
     assert streamed[2] == pytest.approx(streamed[0] + streamed[1] / 5)
+
+
+OLDEST_SERVER = replace(MAPS_ONLY, dialect="0.9.13")
+
+
+@pytest.mark.parametrize(
+    ("text", "path"),
+    [
+        ("weather: DustStorm", "weather.choice"),
+        ("weather: {random_from: [all, DustStorm]}", "weather.random_from[1]"),
+        ("weather: {parameters: {dust_storm: 1}}", "weather.parameters.dust_storm"),
+        ("weather: {changes: [{at_s: 1, choice: DustStorm}]}", "weather.changes[0].choice"),
+        (
+            "weather: {changes: [{at_s: 1, parameters: {dust_storm: 1}}]}",
+            "weather.changes[0].parameters.dust_storm",
+        ),
+        (
+            "{labels: {cameras: []}, rig: {sensors: [{id: C, kind: rgb, "
+            "attachment: spring_arm_ghost}]}}",
+            "rig.sensors[0].attachment",
+        ),
+    ],
+)
+def test_what_carla_0_9_13_lacks_is_refused_by_its_field(text: str, path: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        plan(text, OLDEST_SERVER)
+    assert caught.value.message.startswith(f"{path}: CARLA 0.9.13 has no ")
+    assert plan(text)
+
+
+def test_every_preset_is_every_one_that_the_server_has() -> None:
+    text = "{weather: {random_from: [all], parameters: {dust_storm: 0}}, episodes: 300}"
+    newer = {spec.weather.preset for spec in plan(text)}
+    assert {spec.weather.preset for spec in plan(text, OLDEST_SERVER)} == newer - {"DustStorm"}
+    assert newer == set(WEATHER_PRESETS)
 
 
 def test_estimate_grows_with_pixels_and_saved_frames() -> None:

@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage.annotation.boxes import LabelBox, are_plausible_in_level
-from carstage.annotation.classes import LEVEL_CLASSES, VEHICLE_CLASSES
+from carstage.annotation.classes import LEVEL_CLASSES
 from carstage.annotation.scene import ActorFacts, Scene
 from carstage.annotation.tracks import level_tracks
 from carstage.geometry import FloatArray, box_corners, length, pose_matrix
 from carstage.rawlog.reader import ActorInfo, LevelObject
 from carstage.spec import GroundTruthSpec
+from carstage.spec.vehicle_classes import VEHICLE_CLASSES
 from carstage.tags import dataset_tags, vehicle_tags
 
 _T = TypeVar("_T", bound=np.generic)

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage.annotation.boxes import LabelBox
-from carstage.annotation.classes import VEHICLE_CLASSES
 from carstage.geometry import FloatArray, box_corners, invert_pose, multiply, pose_matrix
 from carstage.rawlog.reader import ActorInfo, WorldFrame
+from carstage.spec.vehicle_classes import VEHICLE_CLASSES
 
 _MAX_SINK_M: Final = 0.2
 """Boxes of CARLA's cars reach up to 16 cm below the pivot, which is on the road. A pivot much

@@ -97,3 +97,33 @@ def test_the_ego_is_near_where_the_coming_step_brings_it(monkeypatch: pytest.Mon
     assert world.step_m == pytest.approx(1.6)
     assert world.will_be_near(carla.Location(21.5, 0.0, 0.0), 20.0)
     assert not world.will_be_near(carla.Location(21.7, 0.0, 0.0), 20.0)
+
+
+class Blueprint:
+    """A vehicle's ``carla.ActorBlueprint``, as servers before 0.9.14 have it."""
+
+    def __init__(self, name: str, wheels: int) -> None:
+        self.id = name
+        self._wheels = wheels
+
+    def has_attribute(self, name: str) -> bool:
+        return name == "number_of_wheels"
+
+    def get_attribute(self, name: str) -> Any:
+        assert self.has_attribute(name)
+        return SimpleNamespace(as_int=lambda: self._wheels)
+
+
+def test_cars_of_servers_that_tell_no_base_type_are_cars(monkeypatch: pytest.MonkeyPatch) -> None:
+    library = [
+        Blueprint("vehicle.audi.a2", 4),
+        Blueprint("vehicle.bh.crossbike", 2),
+        Blueprint("vehicle.carlamotors.firetruck", 4),
+        Blueprint("vehicle.of.somebody", 2),
+    ]
+    world: Any = SimpleNamespace(
+        get_blueprint_library=lambda: SimpleNamespace(filter=lambda _: library)
+    )
+    around = world_of(monkeypatch, [], Vehicle(1, 0.0), world)
+    found = {around.draw_car().id for _ in range(50)}  # type: ignore[union-attr]
+    assert found == {"vehicle.audi.a2"}

@@ -6,11 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from carstage.annotation.classes import VEHICLE_CLASSES, WALKER_CLASSES
+from carstage.annotation.classes import WALKER_CLASSES
 from carstage.config import Config, check_config, dump_config, parse_config
 from carstage.config.campaign import OBJECT_GROUPS
 from carstage.config.dimensions import crossed, dimensions, maps_of
 from carstage.errors import ConfigError
+from carstage.spec.vehicle_classes import VEHICLE_CLASSES
 
 WHOLE = """
 vehicles: {count: {range: [10, 50]}}

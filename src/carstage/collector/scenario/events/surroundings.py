@@ -18,6 +18,7 @@ from carstage.collector.scenario.events.signals import HeldSignals
 from carstage.collector.scenario.traffic import driven_by_traffic, personalities
 from carstage.collector.world import WorldSession
 from carstage.spec import EpisodeSpec
+from carstage.spec.vehicle_classes import vehicle_class
 
 SPACING_M = 1.0
 """Between the places of a stretch of road."""
@@ -319,11 +320,15 @@ class Surroundings:
 
     def draw(self, pattern: str, **attributes: str) -> Optional[Any]:
         """A blueprint of a family whose attributes have these values, where it has them."""
+        return self._chosen(self._fitting(pattern, **attributes))
+
+    def _fitting(self, pattern: str, **attributes: str) -> List[Any]:
+        """All such blueprints, by their ids."""
         library = sorted(
             self._session.world.get_blueprint_library().filter(pattern),
             key=lambda blueprint: str(blueprint.id),
         )
-        fitting = [
+        return [
             blueprint
             for blueprint in library
             if all(
@@ -332,7 +337,6 @@ class Surroundings:
                 for name, value in attributes.items()
             )
         ]
-        return self._chosen(fitting)
 
     def draw_of(self, blueprints: Sequence[str]) -> Optional[Any]:
         """One of these blueprints, of those that the server has."""
@@ -349,7 +353,8 @@ class Surroundings:
 
     def draw_car(self) -> Optional[Any]:
         """The blueprint of a passenger car."""
-        return self.draw("vehicle.*", base_type="car", special_type="")
+        fitting = self._fitting("vehicle.*", base_type="car", special_type="")
+        return self._chosen([blueprint for blueprint in fitting if _is_car(blueprint)])
 
     def light(self, actor: Any, bits: int = 0) -> None:
         """Set a vehicle's lights: what the weather asks for, and these."""
@@ -434,3 +439,11 @@ class Surroundings:
         if self.commands:
             self._session.client.apply_batch(self.commands)
             self.commands = []
+
+
+def _is_car(blueprint: Any) -> bool:
+    """Whether a vehicle is a car, on servers before 0.9.14 too, where none has a base type."""
+    if blueprint.has_attribute("base_type"):
+        return bool(blueprint.get_attribute("base_type").as_str() == "car")
+    wheels = blueprint.get_attribute("number_of_wheels").as_int()
+    return vehicle_class(str(blueprint.id), "", two_wheels=wheels == 2) == "car"

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from benchmarks.framework.label_scenes import LabelScene
 from benchmarks.framework.label_scores import MIN_VISIBLE_PX, f1, iou
 from benchmarks.framework.masks import inside_polygon, tight_box
-from carstage.annotation.classes import LEVEL_CLASSES, VEHICLE_CLASSES
+from carstage.annotation.classes import LEVEL_CLASSES
 from carstage.annotation.decoding import decode_instance_bgra
 from carstage.annotation.pixels import BOX_MARGIN_M
 from carstage.annotation.tracks import level_tracks
@@ -30,6 +30,7 @@ from carstage.geometry import (
     transform_points,
 )
 from carstage.rawlog.reader import LevelObject
+from carstage.spec.vehicle_classes import VEHICLE_CLASSES
 from carstage.tags import dataset_tags, vehicle_tags
 
 LEVEL_BOX_PX: Final = 100

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import random
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
 pytest.importorskip("carla")
 
+import carla
+
+import small_maps
 from carstage.collector.internals.errors import SceneError
+from carstage.collector.scenario.autopilot import places_of
 from carstage.collector.scenario.routing import RoadGraph
 from carstage.collector.scenario.traffic import LAW_ABIDING, personality
 from carstage.collector.sensors.carriers import Carriers
-from carstage.spec import PoseSpec, SensorSpec, TrafficSpec
+from carstage.spec import Place, PoseSpec, RouteSpec, SensorSpec, TrafficSpec
 
 
 class Spot:
@@ -25,6 +29,18 @@ class Spot:
 
     def distance(self, other: Spot) -> float:
         return ((self.x - other.x) ** 2 + (self.y - other.y) ** 2) ** 0.5
+
+
+def test_a_place_of_a_route_is_on_the_road_that_is_nearest_in_the_plane() -> None:
+    """Not on a lower one beside it."""
+    bridge = small_maps.road(1, 0, 0, 0, 100, elevation=((0, 12, 0, 0, 0),))
+    below = small_maps.road(2, 0, 9, 0, 100)
+    world_map = carla.Map("x", small_maps.document(bridge, below))
+    route = RouteSpec((Place(50.0, 1.75), Place(50.0, -10.75)))
+    session: Any = SimpleNamespace(map=world_map)
+    found = places_of(session, cast("Any", SimpleNamespace(scenario=route, map="x")))
+    roads = [world_map.get_waypoint(place).road_id for place in found]
+    assert list(zip(roads, [round(place.z) for place in found], strict=True)) == [(1, 12), (2, 0)]
 
 
 def traffic(**spreads: tuple[float, float]) -> TrafficSpec:

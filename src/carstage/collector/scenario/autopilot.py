@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Dict, List, Mapping, Optional, Union
 
 import carla
@@ -21,6 +22,9 @@ from carstage.collector.scenario.traffic import (
 from carstage.collector.world import WorldSession
 from carstage.spec import EpisodeSpec, Place, RouteSpec
 
+_LOOK_M = 2.0
+"""Between the places of lanes that are looked at for a height."""
+
 
 def places_of(session: WorldSession, spec: EpisodeSpec) -> List[Any]:
     """``carla.Location`` of each place that the ego is to drive through; none but on a route.
@@ -38,7 +42,7 @@ def _location(
     session: WorldSession, spec: EpisodeSpec, place: Union[int, Place], index: int
 ) -> Any:
     if not isinstance(place, int):
-        return carla.Location(place.x_m, place.y_m, 0.0)
+        return _on_road(session.map, place)
     points = spawn_points(session.map)
     if place >= len(points):
         raise SceneError(
@@ -46,6 +50,21 @@ def _location(
             "Use 0 to %d." % (len(points) - 1),
         )
     return points[place].location
+
+
+def _on_road(world_map: Any, place: Place) -> Any:
+    """``carla.Location`` of a place, at the height of the lane that is nearest in the plane.
+
+    The client looks for lanes in space: at height 0 it finds a lower road beside an elevated one.
+    Where roads lie one above another, the one nearer to height 0 counts.
+    """
+    apart = [
+        (math.hypot(lane.x - place.x_m, lane.y - place.y_m), lane.z)
+        for lane in (one.transform.location for one in world_map.generate_waypoints(_LOOK_M))
+    ]
+    nearest_m = min((apart_m for apart_m, _ in apart), default=0.0)
+    heights = [z for apart_m, z in apart if apart_m < nearest_m + _LOOK_M / 2.0]
+    return carla.Location(place.x_m, place.y_m, min(heights, key=abs, default=0.0))
 
 
 @scenario("autopilot")

@@ -309,7 +309,7 @@ class CameraSensor(Sensor):
         """As it would be written: beside a lens, no field of view."""
         dumped: dict[str, Any] = handler(self)
         if self.lens is not None:
-            dumped["attributes"].pop("fov_deg", None)
+            dumped.get("attributes", {}).pop("fov_deg", None)  # a dump may leave defaults out
         return dumped
 
     @property

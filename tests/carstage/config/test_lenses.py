@@ -125,3 +125,10 @@ def test_a_written_configuration_is_read_again(lens: dict[str, Any]) -> None:
     # As versions before wrote it.
     written["rig"]["sensors"][0]["attributes"]["fov_deg"] = 90.0
     assert check_config(written) == asked
+
+
+def test_a_camera_with_a_lens_alone_is_written_without_its_defaults() -> None:
+    lens = {"model": "equirectangular"}
+    asked = config({"id": "CAM", "kind": "rgb", "lens": lens})
+    written = asked.model_dump(mode="json", exclude_unset=True)
+    assert written == {"rig": {"sensors": [{"id": "CAM", "kind": "rgb", "lens": lens}]}}

@@ -28,7 +28,7 @@ class FrameSamples(Generic[Sample]):
 
     Args:
         path: folder or address of the dataset; or the dataset: of one with chosen episodes, these
-            alone.
+            alone, and as the agent that it is of.
         read: makes the sample of a frame; must be a function that can be pickled (one of a module)
             if the samples go to other processes.
         sensors: only frames that all of these have data of.
@@ -52,6 +52,7 @@ class FrameSamples(Generic[Sample]):
     ) -> None:
         dataset = path if isinstance(path, Dataset) else Dataset(path)
         self._path = dataset.path
+        self._agent = next((one.agent_name for one in dataset.episodes), None)
         self._read = read
         if split is not None:
             if episodes is not None:
@@ -101,7 +102,8 @@ class FrameSamples(Generic[Sample]):
             return self._open[episode_id]
         if self._dataset is None:
             self._dataset = Dataset(self._path)
-        frames = EpisodeFrames(self._dataset.episode(episode_id))
+        episode = self._dataset.episode(episode_id)
+        frames = EpisodeFrames(episode if self._agent is None else episode.agent(self._agent))
         self._open[episode_id] = frames
         if len(self._open) > _OPEN_EPISODES:
             self._open.popitem(last=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 
 from benchmarks.framework.fleet_fusion import measure_fusion, normalised_distances, world_clouds
 from carstage.cli.export import FORMATS
-from carstage.dataset import Dataset, Episode
+from carstage.dataset import Dataset, Episode, FrameSamples
 from carstage.errors import BadInputError
 from carstage.exporters import ExportOptions, export_dataset
 from carstage.report.episodes import EpisodePictures, episode_section
@@ -44,6 +45,12 @@ def test_agents_are_named_and_have_their_own_sensors(episode: Episode) -> None:
     assert car.id == episode.id
     with pytest.raises(BadInputError, match="no agent 'bus'"):
         episode.agent("bus")
+
+
+def test_samples_of_an_agent_s_dataset_are_the_agent_s(fleet: Path, episode: Episode) -> None:
+    samples = FrameSamples(Dataset(fleet).as_agent("car2"), attrgetter("ego"))
+    rows = [frame.ego for frame in episode.agent("car2").iter_frames()]
+    assert [samples[number] for number in range(len(samples))] == rows
 
 
 def test_the_specification_of_an_agent_can_be_read_from_its_document(episode: Episode) -> None:

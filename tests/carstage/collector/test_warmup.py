@@ -114,6 +114,9 @@ def test_a_sensor_with_a_rate_of_its_own_is_listened_to_from_its_tick_on() -> No
         (41, 5.0, 6, 37),
         (3, 5.0, None, 3),
         (40, 10.0, 3, 38),
+        (40, 7.0, None, 0),
+        (40, 15.0, None, 0),
+        (41, 7.0, None, 1),
     ],
 )
 def test_sensors_with_a_rate_of_their_own_measure_in_the_first_recorded_step(

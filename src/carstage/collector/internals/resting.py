@@ -8,6 +8,7 @@ embedded simulator does. CARLA adds up times and may drift.
 
 from __future__ import annotations
 
+from math import ceil
 from types import MappingProxyType
 from typing import Dict, FrozenSet, Mapping, NamedTuple, Optional
 
@@ -22,6 +23,8 @@ _WITHOUT_MEMORY = frozenset(
 MOST_STEPS = 100_000
 """After ten times as many, the server's sums of steps and of intervals may be a microsecond apart,
 which is all that it lets them be."""
+
+_SLACK = 1e-6
 
 
 class Resting(NamedTuple):
@@ -87,7 +90,9 @@ def _own_begins(spec: EpisodeSpec, least: int) -> Dict[str, int]:
     """``Resting.own``; no sensor begins before ``least``."""
     begins = {}
     for name, sensor in spec.streams.items():
-        steps = round(float(sensor.attributes.get("sensor_tick", "0")) / spec.step_s)
-        if steps > 1:
-            begins[name] = spec.warmup_ticks - (spec.warmup_ticks - least) // steps * steps
+        # Where that is no whole number, it measures in the step after it is due.
+        steps = float(sensor.attributes.get("sensor_tick", "0")) / spec.step_s
+        if steps > 1.0 + _SLACK:
+            times = int((spec.warmup_ticks - least) / steps + _SLACK)
+            begins[name] = spec.warmup_ticks - ceil(times * steps - _SLACK)
     return begins

@@ -159,7 +159,8 @@ class SensorCalibration:
         return codec_for(self.kind, self.codec)[1].lossless
 
     @property
-    def _carried(self) -> tuple[str, int, str]:
+    def carried(self) -> tuple[str, int, str]:
+        """What carries it, and how: equal for sensors that keep their places to each other."""
         return self.attach_to, self.attach_index, self.attachment
 
     def shares_view(self, other: SensorCalibration) -> bool:
@@ -167,7 +168,7 @@ class SensorCalibration:
         return (
             self.is_camera
             and (self.width, self.height) == (other.width, other.height)
-            and self._carried == other._carried
+            and self.carried == other.carried
             and np.array_equal(self.carrier_from_sensor, other.carrier_from_sensor)
             and np.array_equal(self.k, other.k)
             and self.bent == other.bent

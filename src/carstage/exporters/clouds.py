@@ -131,7 +131,7 @@ def label_source(episode: Episode, lidar: SensorCalibration) -> str | None:
 def _scan_alike(lidar: SensorCalibration, twin: SensorCalibration) -> bool:
     """Whether both measure along the same rays in every frame."""
     return (
-        (lidar.attach_to, lidar.attachment) == (twin.attach_to, twin.attachment)
+        lidar.carried == twin.carried
         and np.allclose(lidar.carrier_from_sensor, twin.carrier_from_sensor, atol=1e-9)
         and _scan(lidar.attributes) == _scan(twin.attributes)
     )

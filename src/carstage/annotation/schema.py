@@ -309,7 +309,8 @@ LANE_LINE_COLUMNS: tuple[Column, ...] = (
         "map_id",
         "str",
         "",
-        "id in the vector map; of a boundary that of its lane, `left` or `right`, and a number",
+        "id in the vector map; of a boundary `LANE/left` or `LANE/right`, of its later stretches "
+        "with a number",
     ),
     Column("part", "i32", "", "from 0: a line may leave the picture and come back"),
     Column("type", "str", "", "of a marking or a painted object, as in the vector map; else empty"),

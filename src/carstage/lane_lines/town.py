@@ -28,8 +28,8 @@ class TownLine:
 
     Attributes:
         kind: what it is; a ``boundary`` is that of a driven lane where nothing is painted.
-        map_id: its id in the vector map; of a boundary that of its lane, ``left`` or ``right``, and
-            a number.
+        map_id: its id in the vector map; of a boundary that of its lane and ``left`` or
+            ``right``, of its later stretches with a number.
         type, colour: of a marking or a painted object as in the vector map; else empty.
         width_m: of a marking's paint, of double lines over both; of a stop line; else 0.
         places: ``(N, 3)`` in the world (m); of an area its corners, not closed.
@@ -90,7 +90,7 @@ def _lines(town: VectorMap) -> Iterator[TownLine]:
                 continue  # a boundary of two driven lanes is that of one of them
             stations = [town.marking_by_id[name].s_m for name in marks]
             for number, bare in enumerate(_bare(line, lane.s_m, stations)):
-                name = f"{lane.id}/{side}/{number}"
+                name = f"{lane.id}/{side}" + (f"/{number}" if number else "")
                 yield TownLine("boundary", name, "", "", 0.0, with_steps(bare))
     for walk in town.crosswalks:
         yield TownLine("crosswalk", walk.id, "", "", 0.0, walk.outline[:-1])

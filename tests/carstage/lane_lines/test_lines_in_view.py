@@ -102,7 +102,7 @@ def test_an_arrow_is_the_rectangle_around_it(town) -> None:
 
 def test_a_boundary_without_paint_is_a_boundary(town) -> None:
     rows = by_name(lines_in_view(town, view(ground_depth())))
-    middle = rows["boundary", "1/0/-1/left/0"]
+    middle = rows["boundary", "1/0/-1/left"]
     assert (middle["type"], middle["width"]) == ("", 0.0)
     np.testing.assert_allclose(middle["x"], -1.75, atol=1e-3)
 
@@ -120,7 +120,7 @@ def test_what_is_left_bare_of_a_painted_boundary_is_a_boundary(side: int) -> Non
         for line in lines
         if line.kind == "boundary" and line.map_id.startswith(f"1/0/{side}/right")
     }
-    names = [f"1/0/{side}/right/{number}" for number in (0, 1)]
+    names = [f"1/0/{side}/right", f"1/0/{side}/right/1"]
     assert sorted(found) == names
     ends = [(found[name][:, 0].min(), found[name][:, 0].max()) for name in names]
     assert sorted(ends) == [(0.0, 50.0), (120.0, 200.0)]

@@ -131,7 +131,7 @@ def _nearest_point(corners: FloatArray) -> FloatArray:
     nearest: FloatArray = center.copy()
     for corner in (1, 2, 4):
         half = 0.5 * (corners[corner] - corners[0])
-        extent = float(length(half))
+        extent = max(float(length(half)), 1e-9)
         along = half / extent
         nearest = nearest + along * min(max(-float((center * along).sum()), -extent), extent)
     return nearest if float(length(nearest)) >= Z_NEAR_M else center

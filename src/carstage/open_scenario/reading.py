@@ -43,7 +43,7 @@ def town_of(content: bytes, given: Mapping[str, Any]) -> str:
     root = root_of(content)
     declared = root.iterfind("ParameterDeclarations/ParameterDeclaration")
     values = {str(each.get("name")): str(each.get("value")) for each in declared}
-    return _town(Element(root, values | {name: str(value) for name, value in given.items()}))
+    return _town(Element(root, values | {name: _text(value) for name, value in given.items()}))
 
 
 def read_storyboard(content: bytes, given: Mapping[str, Any]) -> tuple[str, StoryboardSpec]:
@@ -107,8 +107,13 @@ def _parameters(declared: Element | None, given: Mapping[str, Any]) -> dict[str,
                 f"scenario.params.{name}: the file declares no such parameter.",
                 f"Declared are: {', '.join(found) or 'none'}.",
             )
-        found[name] = str(value).lower() if isinstance(value, bool) else str(value)
+        found[name] = _text(value)
     return found
+
+
+def _text(value: Any) -> str:
+    """A parameter's value as the file would spell it."""
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _acts(story: Element, entities: Entities) -> Iterator[StoryAct]:

@@ -263,8 +263,9 @@ def _name_strokes_from_inside(root: etree._Element) -> None:
     """
     if any(scene.get("program") == "RoadRunner" for scene in root.iter("vectorScene")):
         for mark in root.iterfind("road/lanes/laneSection/left/lane/roadMark"):
-            kind = mark.get("type", "").lower()
-            mark.set("type", _OTHER_WAY_ROUND.get(kind, kind))
+            turned = _OTHER_WAY_ROUND.get(mark.get("type", "").lower())
+            if turned is not None:
+                mark.set("type", turned)
 
 
 def _road(element: etree._Element) -> Road:

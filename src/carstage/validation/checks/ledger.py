@@ -45,13 +45,16 @@ def check_ledger(episode: Episode, ledger: pa.Table, findings: Findings) -> None
         )
     _check_time(ledger, spec.fps, synchronous, findings)
     severity: Severity = "error" if spec.timing.demands_all else "warning"
-    for sensor in episode.calibration.sensors:
+    sensors = episode.calibration.sensors
+    for sensor in sensors:
         states = ledger[f"{sensor}.state"].to_pylist()
         reasons = ledger[f"{sensor}.reason"].to_pylist()
+        sparse = spec.save_every > 1 and "sensor_tick" in sensors[sensor].attributes
+        why = ": its rate_hz and save_every do not meet" if sparse else ""
         if saved and {states[tick] for tick, k in enumerate(ks) if k is not None} == {"off"}:
             findings.add(
                 "ledger_state",
-                "it measured in no frame that is saved: its rate_hz and save_every do not meet",
+                f"it measured in no frame that is saved{why}",
                 sensor=sensor,
                 severity="warning",
             )

@@ -76,6 +76,12 @@ describe("sensors of the document", () => {
     expect(seen({ ...fisheye, fx: 150, fy: 150 })).toBeNull();
     expect(seen({ model: "equirectangular" })).toBeNull();
   });
+  test("a size may be named by its sides, as CARLA does", () => {
+    const lens = { model: "pinhole", fx: 160, fy: 180 };
+    const attributes = { image_size_x: 320, image_size_y: 360 };
+    const doc: JsonObject = { image_size: [640, 360], rig: { sensors: [{ ...camera, attributes, lens }] } };
+    expect(viewOf(sensorsOf(doc, [])[0]!, doc, DEFAULTS)?.h).toBeCloseTo(90); // 2 atan(320/320)
+  });
 });
 
 describe("planes", () => {

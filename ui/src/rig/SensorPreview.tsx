@@ -17,7 +17,8 @@ export function SensorPreview({ sensor }: { sensor: RigSensor }) {
   const [on, setOn] = useState(false);
   const [picture, setPicture] = useState<string | null>(null);
   const [state, setState] = useState("");
-  const wanted = JSON.stringify([sensor.given, rig.document.map, rig.document.weather, rig.document.ego, rig.document.server]);
+  const { map, weather, ego, server, image_size } = rig.document;
+  const wanted = JSON.stringify([sensor.given, map, weather, ego, server, image_size]);
   const shown = useRef<string | null>(null);
   const body = useRef({ config: rig.document, sensor: sensor.given });
   body.current = { config: rig.document, sensor: sensor.given };

@@ -196,7 +196,9 @@ function shapeOf(sensor: RigSensor, document: JsonObject, { defaults, sensor_def
   const shared = (key: string) => document[key] ?? (defaults as JsonObject)[key];
   switch (kindOf(sensor.kind)?.field_of_view) {
     case "pyramid": {
-      const size = sensor.attributes.image_size ?? shared("image_size");
+      const { image_size, image_size_x, image_size_y } = sensor.attributes;
+      const byAxis = image_size_x !== undefined && image_size_y !== undefined ? [image_size_x, image_size_y] : undefined;
+      const size = image_size ?? byAxis ?? shared("image_size");
       const lens = sensor.given.lens;
       const [h, v] = isObject(lens) ? anglesOf(lens, size) : [read("fov_deg"), verticalAngle(read("fov_deg"), size)];
       return { shape: "pyramid", h, v, range: number(shared("max_distance_m")) };

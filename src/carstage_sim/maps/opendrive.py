@@ -39,6 +39,8 @@ _LARGE_MAP_M = 150_000.0
 """Maps with more road than this are sampled coarsely."""
 _END_M = 1e-4
 """Lane ends are sampled this far inside: beyond them the client has no waypoint."""
+_AFTER_M = 2e-3
+"""Lines are read this far behind where they begin: the client's stations have single precision."""
 _APART_M = 0.1
 """Places where lines change that are closer to each other, or to an end, are sampled as one."""
 _LONGEST_WAY_M = 100
@@ -154,12 +156,14 @@ def _stations(
     changes: list[float] = []
     offsets = {number_of(mark, "sOffset") for mark in section.iterfind("*/lane/roadMark")}
     for offset_m in sorted(offsets, reverse=True):
-        at_m = min(max(begin_m + offset_m, low_m), high_m) + _END_M
+        at_m = min(max(begin_m + offset_m, low_m), high_m) + _AFTER_M
         if 0.0 < offset_m < end_m - begin_m and (not changes or changes[-1] - at_m > _APART_M):
             changes.append(at_m)
     if not changes or high_m < low_m:
         return even
-    is_free = np.abs(even[:, None] - np.array(changes)).min(axis=1) > _APART_M / 2
+    places = np.concatenate([[-np.inf], changes[::-1], [np.inf]])
+    after = np.searchsorted(places, even)
+    is_free = np.minimum(even - places[after - 1], places[after] - even) > _APART_M / 2
     is_free[[0, -1]] = True
     return np.sort(np.concatenate([even[is_free], changes]))
 

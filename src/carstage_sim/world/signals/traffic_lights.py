@@ -233,8 +233,9 @@ class TrafficLightSystem:
         running = (TrafficLightState.GREEN, TrafficLightState.YELLOW)
         for junction in self._junctions:
             junction.part = TrafficLightState.RED
-            since_s = [self.elapsed_s[phase[0]] for phase in junction.phases]
-            junction.active = int(np.argmax(since_s))  # while all are red one clock runs
+            since_s = np.array([self.elapsed_s[phase[0]] for phase in junction.phases])
+            # While all are red one clock runs; in older logs all do, and that phase's began last.
+            junction.active = int(np.argmin(np.where(since_s > 0.0, since_s, np.inf)))
             for number, phase in enumerate(junction.phases):
                 if self.state[phase[0]] in running:
                     junction.active = number

@@ -93,13 +93,15 @@ def test_elapsed_time_counts_for_the_phase_whose_turn_it_is(lights: TrafficLight
     assert lights.elapsed_s[:3].tolist() == pytest.approx([0.0, 1.0, 0.0])
 
 
+@pytest.mark.parametrize("waited_s", [0.0, 20.0])
 def test_a_replay_that_ends_while_all_are_red_goes_on_with_the_phase_after(
-    lights: TrafficLightSystem,
+    lights: TrafficLightSystem, waited_s: float
 ) -> None:
+    """In older logs the clocks of phases that wait run, too."""
     run(lights, 29.0)
     after = TrafficLightSystem(SITES)
     for index, state in enumerate(lights.state.tolist()):
-        after.show(index, state, float(lights.elapsed_s[index]))
+        after.show(index, state, float(lights.elapsed_s[index]) or waited_s)
     after.adopt_states()
     for _ in range(200):
         lights.step(0.05)

@@ -432,6 +432,8 @@ class World:
         """Whether the dynamics move an actor; props fall and lie, nothing else moves them."""
         actor = self.live(actor_id)
         actor.simulate_physics = enabled
+        if enabled and actor.kind is ActorKind.WALKER:
+            actor.gravity = True  # it moves again, as by CARLA's SetDefaultMovementMode
         if actor.type_id.startswith("static.prop."):
             self._mechanics.let_fall(actor_id, falls=enabled)
         if actor.vehicle is not None:

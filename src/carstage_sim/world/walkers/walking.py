@@ -85,6 +85,7 @@ class WalkerMotion:
         # CARLA disables the movement of who is in the air without gravity.
         own = np.array([walker.simulate_physics and walker.gravity for walker in walkers])
         self._fall[~own] = 0.0
+        self._knock[~own] = 0.0
         if own.any():
             self._walk(table, walkers, np.flatnonzero(own), rows, delta_s)
         here = table.location[rows]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -74,8 +76,9 @@ def test_a_walker_stops_at_props_and_at_who_stands(world: World, what: str) -> N
     assert place(world, walker) @ ahead - start @ ahead > 5.0
 
 
+@pytest.mark.parametrize("again", [World.set_enable_gravity, World.set_simulate_physics])
 def test_a_walker_without_gravity_walks_on_and_hangs_where_it_lost_it_in_the_air(
-    world: World,
+    world: World, again: Callable[[World, int, bool], None]
 ) -> None:
     walker = spawned(world, WALKER, 1.0)
     after(world, 0.5)
@@ -95,7 +98,7 @@ def test_a_walker_without_gravity_walks_on_and_hangs_where_it_lost_it_in_the_air
         world.set_enable_gravity(walker.actor_id, False)
         after(world, 1.0)
         np.testing.assert_allclose(place(world, walker), falling)
-    world.set_enable_gravity(walker.actor_id, True)
+    again(world, walker.actor_id, True)
     after(world, 3.0)
     assert place(world, walker)[2] < z + 0.5
 

@@ -118,9 +118,9 @@ class Actor:
     def colour(self) -> tuple[int, int, int]:
         """Paint colour, black for none."""
         parts = self.attributes.get("color", "").split(",")
-        if len(parts) != 3 or not all(part.strip().isdigit() for part in parts):
+        if len(parts) != 3:
             return (0, 0, 0)
-        red, green, blue = (min(int(part), 255) for part in parts)
+        red, green, blue = (int(float(part)) for part in parts)
         return (red, green, blue)
 
 

@@ -229,6 +229,7 @@ def test_reset_connection_costs_nobody_else_anything(
     ("type_id", "name", "good", "bad"),
     [
         ("vehicle.tesla.model3", "color", "0, 17,255", ("red", "1,2", "1,2,3,4", "1,2,256")),
+        ("vehicle.tesla.model3", "color", "12.0,3.5,0.0", ("-1,2,3", "1,2,256.0", "1,2,3x")),
         ("vehicle.tesla.model3", "sticky_control", "FALSE", ("yes", "")),
         ("static.trigger.friction", "friction", "3.5f", ("fast", "inf", "nan", "1e39", "")),
         ("sensor.other.gnss", "noise_seed", "7", ("x", "1e999")),

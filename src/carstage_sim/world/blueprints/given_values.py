@@ -10,7 +10,7 @@ from carstage_sim.world.blueprints.model import Attribute, AttributeType, Bluepr
 from carstage_sim.world.errors import SpawnError
 
 _LARGEST_FLOAT32 = 3.4028234e38
-_CHANNELS = re.compile(r"\s*\d+\s*,\s*\d+\s*,\s*\d+\s*", re.ASCII)
+_CHANNELS = re.compile(r"\s*\d+(\.\d*)?\s*(,\s*\d+(\.\d*)?\s*){2}", re.ASCII)
 
 
 def actor_attributes(blueprint: Blueprint, given: Mapping[str, str]) -> dict[str, str]:
@@ -22,8 +22,9 @@ def actor_attributes(blueprint: Blueprint, given: Mapping[str, str]) -> dict[str
             are values of attributes that cannot be modified.
 
     Raises:
-        SpawnError: a value is not of its attribute's type. Every client that decodes such an actor
-            throws (``ActorAttribute.cpp``), whoever spawned it.
+        SpawnError: a value is not of its attribute's type. Of flags, colours and numbers beyond
+            single precision every client that decodes such an actor throws
+            (``ActorAttribute.cpp``), whoever spawned it.
     """
     values = {}
     for attribute in blueprint.attributes:
@@ -55,12 +56,12 @@ def _is_number(text: str) -> bool:
 
 
 def _is_colour(text: str) -> bool:
-    return bool(_CHANNELS.fullmatch(text)) and all(int(part) <= 255 for part in text.split(","))
+    return bool(_CHANNELS.fullmatch(text)) and all(float(part) < 256.0 for part in text.split(","))
 
 
 _WANTED: dict[AttributeType, tuple[Callable[[str], bool], str]] = {
     AttributeType.BOOL: (_is_flag, "true or false"),
     AttributeType.INT: (_is_number, "a finite number"),
     AttributeType.FLOAT: (_is_number, "a finite number"),
-    AttributeType.COLOR: (_is_colour, "three whole numbers from 0 to 255, as 255,0,0"),
+    AttributeType.COLOR: (_is_colour, "three numbers from 0 to 255, as 255,0,0"),
 }

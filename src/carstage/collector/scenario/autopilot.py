@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Dict, List, Mapping, Optional, Union
+from typing import Any, Dict, List, Mapping, Optional, Sequence, Union
 
 import carla
 
@@ -35,14 +35,22 @@ def places_of(session: WorldSession, spec: EpisodeSpec) -> List[Any]:
     scenario = spec.scenario
     if not isinstance(scenario, RouteSpec):
         return []
-    return [_location(session, spec, place, i) for i, place in enumerate(scenario.through)]
+    lanes: List[Any] = []
+    if any(isinstance(place, Place) for place in scenario.through):
+        found = session.map.generate_waypoints(_LOOK_M)
+        lanes = [waypoint.transform.location for waypoint in found]
+    return [_location(session, spec, place, i, lanes) for i, place in enumerate(scenario.through)]
 
 
 def _location(
-    session: WorldSession, spec: EpisodeSpec, place: Union[int, Place], index: int
+    session: WorldSession,
+    spec: EpisodeSpec,
+    place: Union[int, Place],
+    index: int,
+    lanes: Sequence[Any],
 ) -> Any:
     if not isinstance(place, int):
-        return _on_road(session.map, place)
+        return _on_road(place, lanes)
     points = spawn_points(session.map)
     if place >= len(points):
         raise SceneError(
@@ -52,16 +60,13 @@ def _location(
     return points[place].location
 
 
-def _on_road(world_map: Any, place: Place) -> Any:
+def _on_road(place: Place, lanes: Sequence[Any]) -> Any:
     """``carla.Location`` of a place, at the height of the lane that is nearest in the plane.
 
     The client looks for lanes in space: at height 0 it finds a lower road beside an elevated one.
     Where roads lie one above another, the one nearer to height 0 counts.
     """
-    apart = [
-        (math.hypot(lane.x - place.x_m, lane.y - place.y_m), lane.z)
-        for lane in (one.transform.location for one in world_map.generate_waypoints(_LOOK_M))
-    ]
+    apart = [(math.hypot(lane.x - place.x_m, lane.y - place.y_m), lane.z) for lane in lanes]
     nearest_m = min((apart_m for apart_m, _ in apart), default=0.0)
     heights = [z for apart_m, z in apart if apart_m < nearest_m + _LOOK_M / 2.0]
     return carla.Location(place.x_m, place.y_m, min(heights, key=abs, default=0.0))

@@ -110,11 +110,11 @@ def wrong_vertices(
     slack_m = _DEPTH_M + _DEPTH_SHARE * np.abs(z)
     limit_m = z - labels.stage_vo_tolerance_m
     pixel = np.clip(np.floor(np.where(inside[..., None], uv, 0.0)).astype(np.int64), 0, size - 1)
-    hidden, never = (
+    hidden, perhaps = (
         _is_hidden(depth_m, pixel, limit_m + shift_m, vote=labels.stage_vo_vote)
         for shift_m in (-slack_m, slack_m)
     )
-    sure &= ~inside | (hidden == never)
+    sure &= ~inside | (hidden == perhaps)
     found = []
     for number, (row, box) in enumerate(known):
         unsure = int((~sure[number]).sum())

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 
+from carstage.dataset.tables import table_of
 from carstage.errors import DatasetError
 from carstage.files.bounded import read_bounded
 from carstage.files.hashing import hash_of
@@ -86,7 +86,7 @@ def vector_map_table(folder: DatasetPath, document: Mapping[str, Any]) -> pa.Tab
     if content is None:
         return None
     try:
-        return pq.ParquetFile(pa.BufferReader(content)).read(use_threads=False)
+        return table_of(content)
     except (OSError, pa.ArrowException) as error:
         path = map_path(folder, document, "parquet")
         raise DatasetError(f"{path} is damaged: {error}.") from error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import duckdb
@@ -12,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from carstage.dataset import tables
-from carstage.dataset.tables import read_table, write_table
+from carstage.dataset.tables import read_table, table_of, write_table
 from carstage.errors import StorageError
 
 TABLE = pa.table({"k": pa.array(range(100_000), pa.int32()), "text": ["a", "b"] * 50_000})
@@ -60,3 +61,21 @@ def test_a_frame_of_messages_has_an_entry_for_each_and_may_have_none() -> None:
     assert made["power_dbm"].to_pylist()[1] == []
     with pytest.raises(ValueError, match="no whole number of messages"):
         radio.row(0, 0.0, memoryview(bytes(8)))
+
+
+@pytest.mark.parametrize("read", [read_table, lambda path: table_of(path.read_bytes())])
+def test_arrow_reads_from_memory_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, read: Callable[[Path], pa.Table]
+) -> None:
+    """Its threads may drop a Python object when the interpreter has ended, and abort it."""
+    path = tmp_path / "table.parquet"
+    write_table(TABLE, path)
+    open_file, before = pq.ParquetFile, pa.total_allocated_bytes()
+
+    def opened(source: object) -> pq.ParquetFile:
+        assert isinstance(source, pa.BufferReader)
+        assert pa.total_allocated_bytes() - before >= path.stat().st_size
+        return open_file(source)
+
+    monkeypatch.setattr(tables.pq, "ParquetFile", opened)
+    assert read(path).equals(TABLE)

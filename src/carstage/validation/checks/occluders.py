@@ -16,7 +16,7 @@ from carstage.spec.labels import LabelsSpec
 from carstage.validation.checks.findings import Findings
 from carstage.validation.checks.labelled_cameras import LabelledCameras
 from carstage.validation.checks.labels import LabelledBox
-from carstage.validation.checks.silhouettes import BOX_MARGIN_M, optical_corners
+from carstage.validation.checks.silhouettes import BODY_REACH_M, BOX_MARGIN_M, optical_corners
 
 _EDGE_PX = 0.02
 _DEPTH_M, _DEPTH_SHARE = 0.01, 1e-4
@@ -170,7 +170,7 @@ def wrong_fronts(
         known: rows of ``camera_objects.parquet``, each with the box.
         depth_m: ``(H, W)`` z-depth of the camera's pixels.
         ids: ``(H, W)`` whose pixels they are, by instance ids: arms and legs leave a walker's box
-            and hide nothing of it, an umbrella does.
+            and hide nothing of it, an umbrella does. None: what is so near may be either.
     """
     # Of pixels (u, v, 1) along the ego's axes.
     ego_from_pixel = (
@@ -192,6 +192,9 @@ def wrong_fronts(
         unsure = (along[:, 2] < 0.0) & (eye[2] + shown_m * along[:, 2] < _ROAD_M - box.extent[2])
         if ids is not None and not box.is_static:
             unsure |= ids[v, u] == box.track_id & 0xFFFF
+        elif box.is_capsule:
+            reached_m, _ = _ways_through(eye, along, box.extent + BODY_REACH_M)
+            unsure |= shown_m >= reached_m
         most, least = int(before.sum()), int((before & ~unsure).sum())
         share = 1.0 / max(int(meets.sum()), 1)
         slack = (_SHARE if step == 1 else _SAMPLED_SHARE) + _LEAST_PX / row["hull_px"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
 import pyarrow as pa
@@ -153,6 +153,7 @@ def ledger_table(
     """
     fps, synchronous = spec.fps, spec.timing.synchronous
     start_s = float(header["first_timestamp_s"])
+    by_id = {sensor.id: sensor for sensor in spec.sensors}
     rows = []
     for index, entry in enumerate(ledger):
         tick, since_start_s = entry["tick"], entry["timestamp_s"] - start_s
@@ -174,23 +175,36 @@ def ledger_table(
             "server_frame": entry["frame"],
             "timestamp_s": elapsed_s(spec, start_s, tick, entry["timestamp_s"]),
         }
+        # Some servers let cameras rest in steps that are not saved: nothing is missing.
+        may_rest = entry["k"] is None and spec.timing.demands_all
         for sensor in plan.written:
-            states = [
-                entry["sensors"].get(stream, {"state": "off", "reason": None})
-                for stream in sensor.streams
-            ]
-            if entry["k"] is None and spec.timing.demands_all:
-                # Some servers let cameras rest in steps that are not saved: nothing is missing.
-                states = [_GOOD if one["state"] == "off" else one for one in states]
-            # A picture that lacks a face of its cube is missing as that face is.
-            state = next((one for one in states if one["state"] != "ok"), states[0])
+            state = _state(entry["sensors"], sensor.streams, may_rest=may_rest)
             row[f"{sensor.id}.state"] = state["state"]
             row[f"{sensor.id}.reason"] = state["reason"]
+            if depth := _labelled_by(by_id[sensor.id]):
+                state = _state(entry["sensors"], by_id[depth].streams, may_rest=may_rest)
+                row[f"{sensor.id}.labels"] = None if entry["k"] is None else state["state"]
         rows.append(row)
-    return pa.Table.from_pylist(rows, schema=_ledger_schema(plan))
+    return pa.Table.from_pylist(rows, schema=_ledger_schema(spec, plan))
 
 
-def _ledger_schema(plan: SensorPlan) -> pa.Schema:
+def _state(
+    found: Mapping[str, Mapping[str, Any]], streams: Iterable[str], *, may_rest: bool
+) -> Mapping[str, Any]:
+    """Of a sensor in one tick: a picture that lacks a face of its cube is missing as that is."""
+    states = [found.get(stream, {"state": "off", "reason": None}) for stream in streams]
+    if may_rest:
+        states = [_GOOD if one["state"] == "off" else one for one in states]
+    return next((one for one in states if one["state"] != "ok"), states[0])
+
+
+def _labelled_by(sensor: SensorSpec) -> str | None:
+    """The depth camera without which a camera's pictures get no labels; None: it has none."""
+    return sensor.depth if sensor.labelled else None
+
+
+def _ledger_schema(spec: EpisodeSpec, plan: SensorPlan) -> pa.Schema:
+    by_id = {sensor.id: sensor for sensor in spec.sensors}
     fields: list[pa.Field[Any]] = [
         pa.field("tick", pa.int32(), nullable=False),
         pa.field("k", pa.int32()),
@@ -200,6 +214,8 @@ def _ledger_schema(plan: SensorPlan) -> pa.Schema:
     for sensor in plan.written:
         fields.append(pa.field(f"{sensor.id}.state", pa.string(), nullable=False))
         fields.append(pa.field(f"{sensor.id}.reason", pa.string()))
+        if _labelled_by(by_id[sensor.id]):
+            fields.append(pa.field(f"{sensor.id}.labels", pa.string()))
     return pa.schema(fields)
 
 

@@ -9,6 +9,8 @@ import pyarrow as pa
 
 from carstage.dataset.tables import require_columns
 
+_LABELS = ".labels"
+
 
 def recorded_frames(sensors: Collection[str], ledger: pa.Table) -> dict[str, list[int]]:
     """By sensor, the saved frames of which there is data.
@@ -27,6 +29,25 @@ def recorded_frames(sensors: Collection[str], ledger: pa.Table) -> dict[str, lis
         ]
         for sensor in sensors
     }
+
+
+def unlabelled_frames(ledger: pa.Table) -> dict[str, list[int]]:
+    """By labelled camera, the saved frames whose picture is there and has no labels.
+
+    Recordings of before there were such columns have no camera here.
+    """
+    ks: list[Any] = ledger["k"].to_pylist()
+    names = {name.removesuffix(_LABELS) for name in ledger.column_names if name.endswith(_LABELS)}
+    cameras = sorted(name for name in names if f"{name}.state" in ledger.column_names)
+    found = {}
+    for camera in cameras:
+        pictures, labels = (ledger[f"{camera}.{what}"].to_pylist() for what in ("state", "labels"))
+        found[camera] = [
+            k
+            for k, picture, label in zip(ks, pictures, labels, strict=True)
+            if k is not None and picture == "ok" and label != "ok"
+        ]
+    return found
 
 
 def saved_times_s(ledger: pa.Table) -> dict[int, float]:

@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from carstage.dataset.ledger import recorded_frames, saved_times_s
+from carstage.dataset.ledger import recorded_frames, saved_times_s, unlabelled_frames
 from carstage.errors import DatasetError
 from carstage.geometry import FloatArray, invert_pose, pose_matrix
 from carstage.occupancy import Occupancy, occupancy_name
@@ -45,6 +45,8 @@ class Frame:
         available: ids of the sensors that have whole data of this frame.
         ego_object: the ego's row of ``objects.parquet``; ``None`` without vehicles' labels.
         lost: names of what has to be taken for missing, as in ``Damage``.
+        unlabelled: ids of the labelled cameras whose pictures of this frame have no labels, as
+            what they are made from did not arrive.
     """
 
     episode: Episode
@@ -57,10 +59,18 @@ class Frame:
     available: frozenset[str]
     ego_object: Row | None = None
     lost: frozenset[str] = frozenset()
+    unlabelled: frozenset[str] = frozenset()
 
     def has(self, sensor_id: str) -> bool:
         """Whether the sensor has whole data of this frame."""
         return sensor_id in self.available
+
+    def has_labelled(self, camera_id: str) -> bool:
+        """Whether there is a picture of the camera, and labels were made for it.
+
+        No rows of ``camera_objects`` then mean that it shows no object.
+        """
+        return self.has(camera_id) and camera_id not in self.unlabelled
 
     def read(self, sensor_id: str) -> NDArray[Any]:
         """The sensor's data, see ``Sensor.read``."""
@@ -163,6 +173,10 @@ class EpisodeFrames:
             for k in frames:
                 if sensor_id not in self._lost[k]:
                     self._recorded[k].add(sensor_id)
+        self._unlabelled: dict[int, set[str]] = defaultdict(set)
+        for camera_id, frames in unlabelled_frames(ledger).items():
+            for k in frames:
+                self._unlabelled[k].add(camera_id)
         self._objects = RowsByFrame(episode.objects())
         self._camera_objects = RowsByFrame(episode.camera_objects())
         self._ego = RowsByFrame(episode.ego())
@@ -191,6 +205,7 @@ class EpisodeFrames:
             available=frozenset(self._recorded[k]),
             ego_object=next((row for row in objects if row["is_ego"]), None),
             lost=frozenset(self._lost[k]),
+            unlabelled=frozenset(self._unlabelled[k]),
         )
 
 

@@ -35,6 +35,7 @@ from carstage.conversion.segment import label_segment, read_label_part, rows_to_
 from carstage.conversion.sensors import plan_sensors
 from carstage.conversion.town import Town
 from carstage.conversion.whole_episode import write_episode
+from carstage.dataset.ledger import unlabelled_frames
 from carstage.dataset.tables import read_table
 from carstage.errors import BadInputError, ConversionError, RawLogError
 from carstage.processes import process_pool
@@ -548,3 +549,30 @@ def test_the_dataset_that_results_is_valid(tmp_path: Path) -> None:
     folder = analytic_dataset.make_dataset(tmp_path / "out", tmp_path)
     report = validate_dataset(folder)
     assert report.problems == ()
+
+
+def test_the_ledger_says_which_pictures_have_no_labels(tmp_path: Path) -> None:
+    """Hidden depth is in no file: a picture without it looks like one that shows no object."""
+    document = analytic_scene.spec(steps=3)
+    document["save_every"] = 2
+    spec = EpisodeSpec.from_json(document)
+    header = analytic_scene.header(document, attempt="a1", ticks_per_segment=3)
+    plan = plan_sensors(spec, {})
+    good, lost = {"state": "ok", "reason": None}, {"state": "missing", "reason": "late"}
+    ledger = [
+        {
+            "tick": tick,
+            "k": {0: 0, 2: 1}.get(tick),
+            "frame": 12 + tick,
+            "timestamp_s": 1.1 + tick / 10,
+            "sensors": {sensor.id: good for sensor in spec.sensors}
+            | ({"CAM_LEFT.depth": lost, "INST_FRONT": lost} if tick == 2 else {}),
+        }
+        for tick in range(3)
+    ]
+    table = ledger_table(header, spec, plan, ledger)
+    assert table["CAM_LEFT.state"].to_pylist() == ["ok"] * 3
+    assert table["CAM_LEFT.labels"].to_pylist() == ["ok", None, "missing"]
+    assert table["CAM_FRONT.labels"].to_pylist() == ["ok", None, "ok"]
+    assert "LIDAR.labels" not in table.column_names
+    assert unlabelled_frames(table) == {"CAM_FRONT": [], "CAM_LEFT": [1]}

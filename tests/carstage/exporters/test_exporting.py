@@ -270,3 +270,23 @@ def test_what_somebody_else_wrote_is_not_loaded_before_processes_are_forked() ->
 
 def _has(module: str) -> bool:
     return module in sys.modules
+
+
+@pytest.mark.parametrize("format_name", ["coco", "yolo", "kitti-object", "kitti-tracking"])
+def test_a_picture_without_labels_is_not_exported_as_one_without_objects(
+    copy: Path, tmp_path: Path, format_name: str
+) -> None:
+    def lose(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        rows[1]["CAM_FRONT.labels"] = "missing"
+        return rows
+
+    def pictures(out: Path) -> int:
+        export_dataset(format_name, copy, out, workers=0, allow_incomplete=True)
+        files = (path.relative_to(out) for path in out.rglob("*.png"))
+        return sum(path.parts[0] != "annotations" for path in files)
+
+    whole = pictures(tmp_path / "whole")
+    edit_rows(copy, "frames.parquet", lose)
+    (problem,) = examine(Dataset(copy)).problems
+    assert (problem.check, problem.frame, problem.sensor) == ("ledger_state", 1, "CAM_FRONT")
+    assert pictures(tmp_path / "out") == whole - 1

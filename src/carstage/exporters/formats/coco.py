@@ -49,11 +49,11 @@ class CocoWriter:
     split: Split
 
     def __call__(self, frame: Frame, folder: Path) -> tuple[CocoPart, ...] | None:
-        """Write the frame; ``None`` without any picture."""
+        """Write the frame; ``None`` without any labelled picture."""
         parts = tuple(
             self._picture(frame, camera_id, folder)
             for camera_id in self.cameras
-            if frame.has(camera_id)
+            if frame.has_labelled(camera_id)
         )
         return parts or None
 

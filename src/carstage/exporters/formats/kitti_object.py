@@ -58,11 +58,11 @@ class ObjectWriter:
     part: str
 
     def __call__(self, frame: Frame, folder: Path) -> tuple[PicturePart, ...] | None:
-        """Write the frame, cameras without a picture left out; ``None`` without any."""
+        """Write the frame, cameras without a labelled picture left out; ``None`` without any."""
         parts = tuple(
             self._write(view, number, frame, folder)
             for number, view in enumerate(self.views)
-            if frame.has(view.camera.id)
+            if frame.has_labelled(view.camera.id)
         )
         return parts or None
 

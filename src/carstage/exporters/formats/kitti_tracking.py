@@ -63,9 +63,11 @@ class SequenceWriter:
     part: str
 
     def __call__(self, frame: Frame, folder: Path) -> tuple[SequencePart | None, ...] | None:
-        """Write the frame; ``None`` for cameras without a picture, and where none has one."""
+        """Write the frame; ``None`` for cameras without a labelled picture, or without any."""
         parts = tuple(
-            self._write(view, sequence, frame, folder) if frame.has(view.camera.id) else None
+            self._write(view, sequence, frame, folder)
+            if frame.has_labelled(view.camera.id)
+            else None
             for view, sequence in zip(self.views, self.sequences, strict=True)
         )
         return parts if any(part is not None for part in parts) else None

@@ -82,7 +82,7 @@ def frame_records(frame: Frame, options: ExportOptions) -> Iterator[Record]:
         yield from CONTENTS[sensor.content](frame, sensor.id)
         if sensor.calibration.is_camera:
             yield CameraModel(sensor.calibration)
-            if sensor.calibration.labelled:
+            if sensor.calibration.labelled and frame.has_labelled(sensor.id):
                 yield _labels(frame, sensor.id, options)
 
 

@@ -97,6 +97,7 @@ def _labels(frame: Frame, class_map: ClassMap | None) -> Mapping[str, Any]:
         },
         "objects": list(objects.values()),
         "camera_objects": {camera: list(rows) for camera, rows in seen.items()},
+        "unlabelled_cameras": sorted(frame.unlabelled),
     }
 
 

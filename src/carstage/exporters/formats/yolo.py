@@ -61,10 +61,10 @@ class YoloWriter:
     split: Split
 
     def __call__(self, frame: Frame, folder: Path) -> tuple[str, ...] | None:
-        """Write the frame; ``None`` without any picture."""
+        """Write the frame; ``None`` without any labelled picture."""
         written = []
         for camera_id in self.cameras:
-            if not frame.has(camera_id):
+            if not frame.has_labelled(camera_id):
                 continue
             name = f"{frame.episode.id}_{camera_id}_{frame.k:06d}"
             picture = copy_picture(frame, camera_id, folder / "images" / self.split / name)

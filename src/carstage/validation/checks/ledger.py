@@ -8,7 +8,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from carstage.dataset.ledger import saved_times_s
+from carstage.dataset.ledger import saved_times_s, unlabelled_frames
 from carstage.dataset.reading import Episode, Sensor
 from carstage.dataset.tables import row_sensor
 from carstage.validation.checks.findings import Findings, Severity
@@ -67,6 +67,10 @@ def check_ledger(episode: Episode, ledger: pa.Table, findings: Findings) -> None
                     sensor=sensor,
                     severity=severity,
                 )
+    for camera, frames in unlabelled_frames(ledger).items():
+        for k in frames:
+            text = "its picture has no labels: the depth image that they are made from is missing"
+            findings.add("ledger_state", text, frame=k, sensor=camera, severity=severity)
 
 
 def _check_time(ledger: pa.Table, fps: float, synchronous: bool, findings: Findings) -> None:

@@ -250,10 +250,7 @@ def read_table(path: DatasetPath) -> pa.Table:
     """
     try:
         with os.fdopen(open_regular(path), "rb") as file:
-            content = pa.allocate_buffer(os.fstat(file.fileno()).st_size)
-            if file.readinto(content) != content.size:
-                raise DatasetError(f"{path} is damaged: it became shorter while it was read.")
-        return _decoded(content)
+            return table_of(file.read())
     except FileNotFoundError as error:
         raise DatasetError(f"{path.name} is missing in {path.parent}.") from error
     except (OSError, pa.ArrowException) as error:
@@ -261,23 +258,17 @@ def read_table(path: DatasetPath) -> pa.Table:
 
 
 def table_of(content: bytes) -> pa.Table:
-    """The table that the bytes of a Parquet file hold.
+    """The table that the bytes of a Parquet file hold, read from memory of Arrow's own.
+
+    Arrow's threads may drop what they read from as late as when the interpreter ends. Were it a
+    Python object, the process could abort there: apache/arrow, issues 34314 and 33975.
 
     Raises:
         OSError, pyarrow.ArrowException: they are damaged.
     """
     copy = pa.allocate_buffer(len(content))
     memoryview(copy).cast("B")[:] = content
-    return _decoded(copy)
-
-
-def _decoded(content: pa.Buffer) -> pa.Table:
-    """A table from memory of Arrow's own.
-
-    Arrow's threads may drop what they read from as late as when the interpreter ends. Were it a
-    Python object, the process could abort there: apache/arrow, issues 34314 and 33975.
-    """
-    return pq.ParquetFile(pa.BufferReader(content)).read(use_threads=False)
+    return pq.ParquetFile(pa.BufferReader(copy)).read(use_threads=False)
 
 
 def require_columns(table: pa.Table, columns: Iterable[str], file: str) -> None:

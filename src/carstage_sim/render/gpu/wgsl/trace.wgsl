@@ -32,8 +32,9 @@ struct Hit {
 @group(0) @binding(2) var<storage, read> places: array<vec4u>;
 @group(0) @binding(3) var<uniform> extent: Extent;
 
-// Nodes to visit, each with the bits of the parameter at which it is entered.
-var<private> stack: array<vec2u, STACK>;
+// Nodes to visit. Where a ray enters each is not kept beside it: that costs more memory than it
+// saves visits.
+var<private> stack: array<i32, STACK>;
 
 fn rounded(x: f32) -> f32 {
   return bitcast<f32>(bitcast<u32>(x) ^ extent.zero);
@@ -172,9 +173,8 @@ fn trace(o: vec3f, d: vec3f, low: f32, high: f32, skip: i32, any_hit: bool) -> H
       let second = (enter.y <= leave.y) && (children.y != ABSENT);
       if (first && second) {
         let swap = enter.y < enter.x;
-        let later = select(vec2u(u32(children.y), bitcast<u32>(enter.y)), vec2u(u32(children.x), bitcast<u32>(enter.x)), swap);
+        stack[depth] = select(children.y, children.x, swap);
         node = select(children.x, children.y, swap);
-        stack[depth] = later;
         depth += 1;
         pops = false;
       } else if (first || second) {
@@ -253,9 +253,8 @@ fn trace(o: vec3f, d: vec3f, low: f32, high: f32, skip: i32, any_hit: bool) -> H
         pops = false;
       } else {
         depth -= 1;
-        let entry = stack[depth];
-        node = bitcast<i32>(entry.x);
-        pops = bitcast<f32>(entry.y) > hit.t;
+        node = stack[depth];
+        pops = false;
       }
     }
   }

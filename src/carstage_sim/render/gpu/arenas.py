@@ -59,7 +59,9 @@ class Arenas:
         self._entries: dict[tuple[str, str], int] = {}
         self._texts: list[str] = []
         self._buffers = {name: gpu.storage(256) for name in ARENAS}
-        self._held: dict[str, list[Any]] = {}
+        self._members: dict[str, list[tuple[str, int]]] = {}
+        self._seen: dict[str, Any] = {}
+        self._arrays: dict[int, NDArray[Any]] = {}
         self._table = np.zeros((_ENTRIES, 4), np.int32)
         self._written = b""
         self.directory = gpu.uniform(self._table.nbytes)
@@ -79,6 +81,8 @@ class Arenas:
         array = np.asarray(self._find(self._example, key))
         if key not in self._entries:
             self._entries[key] = len(self._entries)
+            self._members.setdefault(record, []).append((name, self._entries[key]))
+            self._seen.pop(record, None)
             if len(self._entries) > _ENTRIES:
                 raise ValueError(f"more than {_ENTRIES} arrays in a program")
             if array.ndim:
@@ -124,34 +128,40 @@ class Arenas:
 
     def update(self, source: Source) -> None:
         """Bring a frame's arrays to the card; arenas whose arrays are the same stay as they are."""
-        members: dict[str, list[tuple[int, Any]]] = {name: [] for name in ARENAS}
-        for key, entry in self._entries.items():
-            value = self._find(source, key)
-            if np.ndim(value):
-                members[self._arena_of(key)].append((entry, value))
-            else:
-                self._table[entry, 0] = np.float32(value).view(np.int32)
-        for name, found in members.items():
-            arrays = [array for _, array in found]
-            held = self._held.get(name)
-            same = held is not None and len(held) == len(arrays)
-            if same and all(a is b for a, b in zip(held or (), arrays, strict=True)):
+        stale = set()
+        for record, members in self._members.items():
+            values = source[record]
+            if self._seen.get(record) is values:
                 continue
-            self._fill(name, found)
-            self._held[name] = arrays
+            numbers, places = [], []
+            for name, entry in members:
+                value = getattr(values, name) if name else values
+                if not np.ndim(value):
+                    numbers.append(value)
+                    places.append(entry)
+                elif self._arrays.get(entry) is not value:
+                    self._arrays[entry] = value
+                    stale.add(self._arena_of((record, name)))
+            self._table[places, 0] = np.array(numbers, np.float32).view(np.int32)
+            self._seen[record] = values
+        for arena in stale:
+            self._fill(arena)
         if self._written != self._table.tobytes():
             self._written = self._table.tobytes()
             self._gpu.write(self.directory, self._table)
 
-    def _fill(self, name: str, found: list[tuple[int, Any]]) -> None:
+    def _fill(self, name: str) -> None:
         parts = []
         start = 0
-        for entry, array in found:
+        for key, entry in self._entries.items():
+            array = self._arrays.get(entry)
+            if array is None or self._arena_of(key) != name:
+                continue
             self._table[entry, 0] = start
             self._table[entry, 1 : 1 + array.ndim] = array.shape
             parts.append(_words(array))
             start += array.size
-        words = np.concatenate(parts) if parts else np.zeros(0, np.uint32)
+        words = np.concatenate(parts)
         if self._buffers[name].size < words.nbytes:
             self._buffers[name] = self._gpu.storage(words.nbytes + words.nbytes // 4)
         self._gpu.write(self._buffers[name], words)

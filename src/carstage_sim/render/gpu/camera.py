@@ -12,8 +12,17 @@ from numpy.typing import NDArray
 
 from carstage_sim.render.film import Film
 from carstage_sim.render.gpu.caster import GpuCaster
-from carstage_sim.render.gpu.passes import TILE, Exposure, PictureBuffers, Product, expose, split
-from carstage_sim.render.gpu.program import CameraProgram, frame_source, words_of
+from carstage_sim.render.gpu.passes import (
+    SHOT_WORDS,
+    TILE,
+    Exposure,
+    PictureBuffers,
+    Product,
+    begin,
+    finish,
+    split,
+)
+from carstage_sim.render.gpu.program import CameraProgram, frame_source
 from carstage_sim.render.gpu.transfer import Readback
 from carstage_sim.render.materials import material_table
 from carstage_sim.render.motion import RIGID, Motions, no_motion
@@ -125,14 +134,16 @@ class GpuCameras:
         self._caster.geometry.update(frame.scene)
         if self._program is None:
             self._program = CameraProgram(self._caster, source, epic=self._epic)
-        self._program.arenas.update(source)
         place = self._place(shot)
         lamps_on = bool(light.night > 0) or bool((frame.lamps.power.sum(axis=1) > 0).any())
         self._aim(place, shot, sum(products), lamps_on)
-        if motions is not None:
-            self._write_motions(place, motions)
         exposure = Exposure(self._caster, self._program, place, products, self._curve(film))
-        return Pending(exposure.readback, exposure.parts, expose(self._gpu, exposure))
+        begin(exposure)
+        # The card casts while the rest is brought to it.
+        self._program.arenas.update(source)
+        if motions is not None and Product.FLOW in products:
+            self._write_motions(place, motions)
+        return Pending(exposure.readback, exposure.parts, finish(exposure))
 
     def _write_motions(self, place: PictureBuffers, motions: Motions) -> None:
         words = _motion_words(motions)
@@ -163,21 +174,18 @@ class GpuCameras:
         offsets = self._sampling.offsets
         if len(offsets) > _MOST_SAMPLES:
             raise ValueError(f"more than {_MOST_SAMPLES} extra rays of a pixel")
-        axes = np.zeros((7, 4), np.float32)
+        half_width = math.tan(math.radians(shot.fov_deg) / 2.0)
+        words = np.zeros(SHOT_WORDS, np.float32)
+        axes, whole = words[:28].reshape(7, 4), words.view(np.int32)
         axes[:3, :3], axes[4:, :3] = split(shot.rotation.T)
         axes[3, :3] = shot.location
-        places = np.zeros((_MOST_SAMPLES, 4), np.float32)
-        places[: len(offsets), :2] = offsets
-        half_width = math.tan(math.radians(shot.fov_deg) / 2.0)
-        numbers = np.zeros(16, np.uint32)
-        numbers[:2] = shot.width, shot.height
-        numbers[2:3] = np.array([shot.skip_row], np.int32).view(np.uint32)
-        numbers[3] = len(offsets)
-        numbers[4:7] = words_of([shot.low, shot.high, 2.0 * half_width / shot.width])
-        numbers[7:11] = self._sampling.strong, self._sampling.weak, 0, wanted
-        numbers[11:12] = words_of([half_width])
-        numbers[12] = lamps_on
-        self._gpu.write(place.shot, np.concatenate([words_of(axes), numbers, words_of(places)]))
+        whole[28:32] = shot.width, shot.height, shot.skip_row, len(offsets)
+        words[32:35] = shot.low, shot.high, 2.0 * half_width / shot.width
+        whole[35:39] = self._sampling.strong, self._sampling.weak, 0, wanted
+        words[39] = half_width
+        whole[40] = lamps_on
+        words[44:].reshape(-1, 4)[: len(offsets), :2] = offsets
+        self._gpu.write(place.shot, words)
 
     def _curve(self, film: Film) -> Any:
         if film.gamma not in self._curves:

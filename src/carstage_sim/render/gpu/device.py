@@ -6,15 +6,16 @@ import logging
 import os
 import threading
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from importlib import resources
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.render.gpu.native import READ, Native
+from carstage_sim.render.gpu.native import READ, Commands, Native
 from carstage_sim.render.gpu.transfer import Readback, Upload, padded
 
 Choice = Literal["auto", "cpu", "gpu"]
@@ -31,9 +32,13 @@ _LARGE_LIMITS = (
 _MOST_LENT = 1 << 29
 """Bytes of pictures that are read where the card wrote them; what is beyond is copied."""
 
+_WRITES_MEMORY = "mappable-primary-buffers"
+"""The feature that lets kernels write into the program's own memory."""
+_ITS_ADVICE = "MAPPABLE_PRIMARY_BUFFERS"
+
 _COPIERS = min(4, len(os.sched_getaffinity(0)))
 _PIECE = 1 << 20
-"""Bytes that one of the copying threads copies at a time."""
+"""Bytes that a copying thread is woken for."""
 
 _log = logging.getLogger(__name__)
 
@@ -100,6 +105,21 @@ def wgsl(*names: str) -> str:
     return "\n".join((folder / f"{name}.wgsl").read_text() for name in names)
 
 
+@contextmanager
+def _no_advice() -> Iterator[None]:
+    """Without what wgpu warns of: kernels are slow that read such memory, and none does."""
+
+    def is_other(record: logging.LogRecord) -> bool:
+        return _ITS_ADVICE not in record.getMessage()
+
+    its_log = logging.getLogger("wgpu")
+    its_log.addFilter(is_other)
+    try:
+        yield
+    finally:
+        its_log.removeFilter(is_other)
+
+
 class Gpu:
     """A card; one thread at a time hands it work, any may receive what it made.
 
@@ -123,7 +143,10 @@ class Gpu:
         self.driver = f"{info['vendor']} {info['description']} ({info['backend_type']})".strip()
         self.constants = f"const FUSED: bool = {str(self.kind != 'CPU').lower()};\n"
         limits = {name: adapter.limits[name] for name in _LARGE_LIMITS}
-        self.device: Any = adapter.request_device_sync(required_limits=limits)
+        with _no_advice():
+            self.device: Any = adapter.request_device_sync(
+                required_features=[_WRITES_MEMORY], required_limits=limits
+            )
         self._native = Native(self.device)
         self.handing_over = threading.RLock()
         self._copiers = ThreadPoolExecutor(_COPIERS, thread_name_prefix="copier")
@@ -152,7 +175,7 @@ class Gpu:
     def write(self, buffer: Any, array: NDArray[Any], offset: int = 0) -> None:
         """Copy an array into a buffer; its size in bytes is a multiple of four."""
         if array.nbytes:
-            self.device.queue.write_buffer(buffer, offset, np.ascontiguousarray(array))
+            self._native.write(buffer, offset, np.ascontiguousarray(array))
 
     def pipeline(self, code: str, entry: str, layouts: Sequence[Any]) -> Any:
         """A compute pipeline; all loops of its code have to end."""
@@ -180,15 +203,9 @@ class Gpu:
         ]
         return self.device.create_bind_group(layout=layout, entries=entries)
 
-    def dispatch(
-        self, compute: Any, pipeline: Any, groups: Sequence[Any], size: tuple[int, int, int]
-    ) -> None:
-        """Record a pass: a pipeline with all its bind groups, over so many work groups."""
-        self._native.dispatch(compute, pipeline, groups, size)
-
-    def submit(self, encoder: Any) -> int:
-        """Let the card do what an encoder has; the number is for :meth:`Readback.bytes`."""
-        return self._native.submit(encoder.finish())
+    def commands(self) -> Commands:
+        """Begin to record work; its submission's number is for :meth:`Readback.bytes`."""
+        return self._native.commands()
 
     def readback(self, size: int) -> Readback:
         """A way back for ``size`` bytes."""
@@ -201,7 +218,7 @@ class Gpu:
         capacity = -(-size // step) * step or step
         free = self._staging.setdefault(capacity, [])
         if not free:
-            usage = self._usage.MAP_READ | self._usage.COPY_DST
+            usage = self._usage.MAP_READ | self._usage.COPY_DST | self._usage.STORAGE
             free.append(self.device.create_buffer(size=capacity, usage=usage))
         return Readback(self, free.pop(), size)
 
@@ -233,10 +250,11 @@ class Gpu:
         return Upload(self, self._native, padded(size + size // 4))
 
     def copy(self, target: NDArray[np.uint8], source: NDArray[np.uint8]) -> None:
-        """Copy bytes, large arrays by several threads."""
+        """Copy bytes, large arrays by several threads, each of which has one part."""
         size = len(source)
         if size <= _PIECE:
             np.copyto(target, source)
             return
-        pieces = [slice(k, k + _PIECE) for k in range(0, size, _PIECE)]
-        list(self._copiers.map(lambda piece: np.copyto(target[piece], source[piece]), pieces))
+        part = -(-size // min(_COPIERS, size // _PIECE))
+        parts = [slice(k, k + part) for k in range(0, size, part)]
+        list(self._copiers.map(lambda one: np.copyto(target[one], source[one]), parts))

@@ -33,8 +33,66 @@ class _Answer:
         self.came.set()
 
 
+class Commands:
+    """Work for a card in the order in which it is recorded.
+
+    wgpu's Python makes an object of each step and asks after each whether it went well: that took
+    longer than the card casts a picture's rays. Here the end of the recording is asked.
+    """
+
+    def __init__(self, ffi: Any, lib: Any, device: Any) -> None:
+        self._ffi, self._lib, self._device = ffi, lib, device
+        self._encoder = lib.wgpuDeviceCreateCommandEncoder(device._internal, ffi.NULL)
+        self._compute = ffi.NULL
+
+    def dispatch(self, pipeline: Any, groups: Sequence[Any], size: tuple[int, int, int]) -> None:
+        """A pipeline with all its bind groups, over so many work groups."""
+        lib, none = self._lib, self._ffi.NULL
+        if self._compute == none:
+            self._compute = lib.wgpuCommandEncoderBeginComputePass(self._encoder, none)
+        lib.wgpuComputePassEncoderSetPipeline(self._compute, pipeline._internal)
+        for number, group in enumerate(groups):
+            lib.wgpuComputePassEncoderSetBindGroup(self._compute, number, group._internal, 0, none)
+        lib.wgpuComputePassEncoderDispatchWorkgroups(self._compute, *size)
+
+    def copy(self, source: Any, start: int, target: Any, offset: int, size: int) -> None:
+        """Bytes from a place in one buffer to a place in another."""
+        self._end_computing()
+        self._lib.wgpuCommandEncoderCopyBufferToBuffer(
+            self._encoder, source._internal, start, target._internal, offset, size
+        )
+
+    def clear(self, buffer: Any, size: int) -> None:
+        """Zeros in the first bytes of a buffer."""
+        self._end_computing()
+        self._lib.wgpuCommandEncoderClearBuffer(self._encoder, buffer._internal, 0, size)
+
+    def submit(self) -> int:
+        """Let the card begin, once; the number tells this submission from others.
+
+        Raises:
+            wgpu.GPUValidationError: something cannot be done as it was recorded.
+        """
+        from wgpu.backends.wgpu_native import _api as api
+
+        self._end_computing()
+        lib, commands = self._lib, self._ffi.new("WGPUCommandBuffer[1]")
+        commands[0] = api.libf.wgpuCommandEncoderFinish(self._encoder, self._ffi.NULL)
+        lib.wgpuCommandEncoderRelease(self._encoder)
+        queue = self._device.queue._internal
+        submission = int(lib.wgpuQueueSubmitForIndex(queue, 1, commands))
+        lib.wgpuCommandBufferRelease(commands[0])
+        return submission
+
+    def _end_computing(self) -> None:
+        if self._compute != self._ffi.NULL:
+            self._lib.wgpuComputePassEncoderEnd(self._compute)
+            self._lib.wgpuComputePassEncoderRelease(self._compute)
+            self._compute = self._ffi.NULL
+
+
 class Native:
-    """The functions of one device; one thread at a time submits and dispatches, any may map.
+    """The functions of one device; one thread at a time records and submits, any may map.
 
     Args:
         device: wgpu's device.
@@ -51,24 +109,22 @@ class Native:
 
         signature = "void(WGPUMapAsyncStatus, WGPUStringView, void *, void *)"
         self._callback = ffi.callback(signature, mapped)
-        self._commands = ffi.new("WGPUCommandBuffer[1]")
         self._waiting = threading.Lock()
 
-    def submit(self, commands: Any) -> int:
-        """Let the card begin; the number tells this submission from others."""
-        self._commands[0] = commands._internal
-        queue = self._device.queue._internal
-        return int(self._lib.wgpuQueueSubmitForIndex(queue, 1, self._commands))
+    def commands(self) -> Commands:
+        """Begin to record work."""
+        return Commands(self._ffi, self._lib, self._device)
 
-    def dispatch(
-        self, compute: Any, pipeline: Any, groups: Sequence[Any], size: tuple[int, int, int]
-    ) -> None:
-        """Record a pass with its bind groups."""
-        lib, internal, none = self._lib, compute._internal, self._ffi.NULL
-        lib.wgpuComputePassEncoderSetPipeline(internal, pipeline._internal)
-        for number, group in enumerate(groups):
-            lib.wgpuComputePassEncoderSetBindGroup(internal, number, group._internal, 0, none)
-        lib.wgpuComputePassEncoderDispatchWorkgroups(internal, *size)
+    def write(self, buffer: Any, offset: int, array: NDArray[Any]) -> None:
+        """Copy an array into a buffer before what is submitted next.
+
+        Raises:
+            ValueError: the buffer has no room for it.
+        """
+        if offset + array.nbytes > buffer.size:
+            raise ValueError(f"{array.nbytes} bytes at {offset} of a buffer of {buffer.size}")
+        queue, data = self._device.queue._internal, self._ffi.from_buffer(array)
+        self._lib.wgpuQueueWriteBuffer(queue, buffer._internal, offset, data, array.nbytes)
 
     def map(
         self, buffer: Any, size: int, mode: int, after: int, done: Callable[[], None]

@@ -7,8 +7,7 @@ listed by the card, so that no lane idles.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Collection, Sequence
 from enum import IntFlag
 from functools import cached_property
 from typing import Any
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 from carstage_sim.render.gpu.caster import GpuCaster, groups_of, looping_groups
 from carstage_sim.render.gpu.device import Gpu
+from carstage_sim.render.gpu.native import Commands
 from carstage_sim.render.gpu.program import LOOPING, WRITES_HITS, CameraProgram
 from carstage_sim.render.gpu.transfer import Readback
 
@@ -25,10 +25,13 @@ SHOT_WORDS = 76
 """Words of ``Shot`` in ``shot.wgsl``."""
 TILE = 8
 """Pixels along a side of what a work group takes."""
-_HIT_BYTES = 24
+_HIT_BYTES = 20
 _HEAD = 512
 _MOST_BANDS = _HEAD // 2
 """As in ``batch.wgsl``."""
+_WRITING_GROUPS = 128
+"""Work groups that write into the program's memory: as many as the way there takes, so that the
+rest of the card finds the light meanwhile."""
 _MOST_EXTRA = 1 << 21
 """Extra rays of a camera that are under way at once: a picture that may have more is sampled in
 bands."""
@@ -59,8 +62,9 @@ class ColourBuffers:
         samples: extra rays of a pixel on an edge.
 
     Attributes:
-        colours, codes, picture, edges: of pixels.
-        hits, sampled, list: of extra rays: what they met, their colours, and which they are.
+        light, colours, codes, picture, edges: of pixels.
+        hits, light_of_extra, sampled, list: of extra rays: what they met, the light that comes
+            there, their colours, and which they are.
         most: extra rays that there is room for.
         bands: what a pass does for the extra rays, band after band of the picture.
     """
@@ -73,6 +77,7 @@ class ColourBuffers:
             raise ValueError(f"a picture of {width}x{height} pixels is too large for the card")
         pixels, extra = width * height, rows * width * samples
         self.most = extra
+        self.light, self.light_of_extra = gpu.storage(4 * pixels), gpu.storage(4 * extra)
         self.colours, self.codes = gpu.storage(16 * pixels), gpu.storage(4 * pixels)
         self.picture, self.edges = gpu.storage(4 * pixels), gpu.storage(8 * rows * width)
         self.hits, self.sampled = gpu.storage(_HIT_BYTES * extra), gpu.storage(16 * extra)
@@ -97,7 +102,7 @@ class PictureBuffers:
         pixels: of the picture.
         invocations: one for each pixel of whole tiles.
         whole: what a pass does for the rays through pixels' centres.
-        shot, slopes, hits, out, motions: of the camera.
+        shot, slopes, hits, motions: of the camera.
         unused: what a pass is given that it does not touch for these rays.
         bound: the bind groups.
     """
@@ -110,7 +115,7 @@ class PictureBuffers:
         self.slopes_of = slopes
         self.invocations = -(-width // TILE) * -(-height // TILE) * TILE * TILE
         self.slopes, self.hits = gpu.storage(16 * pixels), gpu.storage(_HIT_BYTES * pixels)
-        self.out, self.motions = gpu.storage(24 * pixels), gpu.storage(64)
+        self.motions = gpu.storage(64)
         self.unused = [gpu.storage(4), gpu.storage(4)]
         self.shot = gpu.uniform(SHOT_WORDS * 4)
         self.whole = _batch(gpu, 0, pixels, 0, height, 0)
@@ -152,6 +157,7 @@ class Exposure:
         curve: of the film.
 
     Attributes:
+        gpu: the card.
         parts: where in the read-back each picture begins, and its bytes; the colours come last.
         readback: where they arrive.
         others: bytes of all pictures but the colours.
@@ -167,7 +173,7 @@ class Exposure:
         products: Collection[Product],
         curve: Any,
     ) -> None:
-        self._gpu, self._program, self.place = caster.gpu, program, place
+        self.gpu, self._program, self.place = caster.gpu, program, place
         self.coloured, self.lends = Product.COLOURS in products, program.lends
         others = sorted(product for product in products if product is not Product.COLOURS)
         self.parts: dict[Product, tuple[int, int]] = {}
@@ -177,17 +183,16 @@ class Exposure:
             self.parts[product] = (end, size)
             end += size
         self.others = end - 4 * place.pixels * self.coloured
-        self.readback: Readback = self._gpu.readback(end)
+        self.readback: Readback = self.gpu.readback(end)
         self._scene = self._group("scene", caster.scene_layout, caster.geometry.buffers)
-        self._arenas = self._group("arenas", program.arena_layout, program.arenas.buffers)
         first, second = place.unused
-        self._needed = {"shoot": [first], "products": [place.out, place.motions]}
+        self._needed = {"shoot": [first]}
         self._needed_of_extra: dict[str, list[Any]] = {}
         if self.coloured:
             made = place.of_colours
             self._needed |= {
-                "reach": [first],
-                "shade": [first, curve, made.colours, made.picture, made.codes],
+                "reach": [first, made.light],
+                "shade": [first, curve, made.colours, made.picture, made.codes, made.light],
                 "find_edges": [made.list, made.codes, made.edges],
                 "lend": [made.list, made.colours, made.sampled, made.hits],
                 "blend_edges": [
@@ -196,15 +201,15 @@ class Exposure:
             }  # fmt: skip
             self._needed_of_extra = {
                 "shoot": [made.list],
-                "reach": [made.list],
-                "shade": [made.list, curve, made.sampled, first, second],
+                "reach": [made.list, made.light_of_extra],
+                "shade": [made.list, curve, made.sampled, first, second, made.light_of_extra],
             }
 
-    def run(self, compute: Any, entry: str, band: int = -1, *, extra: bool = False) -> None:
+    def run(self, commands: Commands, entry: str, band: int = -1, *, extra: bool = False) -> None:
         """A pass.
 
         Args:
-            compute: where it is recorded.
+            commands: where it is recorded.
             entry: its name.
             band: of the picture, -1 for all of it.
             extra: whether it is about extra rays: the card alone knows how many there are.
@@ -215,64 +220,61 @@ class Exposure:
             batch = place.of_colours.bands[band]
         if extra:
             hits, invocations = place.of_colours.hits, place.of_colours.most
-        needed = self._needed_of_extra[entry] if extra else self._needed[entry]
-        last = needed if entry == "products" else [batch, *needed]
-        writes = entry in WRITES_HITS
+        size = looping_groups(invocations) if entry in LOOPING else groups_of(invocations)
+        key: tuple[Any, ...] = (entry, band)
+        if entry == "products":
+            last, key = [self.readback.buffer, place.motions], (entry, id(self.readback.buffer))
+            size = min(size[0], _WRITING_GROUPS), 1, 1
+        else:
+            last = [batch, *(self._needed_of_extra if extra else self._needed)[entry]]
+        writes = entry == WRITES_HITS
         rays = (place.shot, place.slopes, hits)
         groups = (
             self._scene,
             self._group(("rays", writes, extra), program.shot[writes], rays),
-            self._arenas,
-            self._group((entry, band), program.last[entry], last),
+            self._group("arenas", program.arena_layout, program.arenas.buffers),
+            self._group(key, program.last[entry], last),
         )
-        size = looping_groups(invocations) if entry in LOOPING else groups_of(invocations)
-        self._gpu.dispatch(compute, program.pipeline(entry), groups, size)
+        commands.dispatch(program.pipeline(entry), groups, size)
 
     def _group(self, key: Any, layout: Any, buffers: Sequence[Any]) -> Any:
         """A bind group, the same again while its buffers are."""
         held = self.place.bound.get(key)
         same = held is not None and all(a is b for a, b in zip(held[0], buffers, strict=True))
         if held is None or not same:
-            held = (tuple(buffers), self._gpu.group(layout, buffers))
+            held = (tuple(buffers), self.gpu.group(layout, buffers))
             self.place.bound[key] = held
         return held[1]
 
 
-def expose(gpu: Gpu, one: Exposure) -> int:
-    """Let a card make the pictures of a camera; the number of the submission that ends them."""
-    encoder = gpu.device.create_command_encoder()
-    with _recorded(encoder) as compute:
-        one.run(compute, "shoot")
-        if one.others:
-            one.run(compute, "products")
-    place, target = one.place, one.readback.buffer
+def begin(one: Exposure) -> None:
+    """Let a card cast the rays of a camera; what else its passes read may be brought meanwhile."""
+    commands = one.gpu.commands()
+    if one.coloured:
+        made = one.place.of_colours
+        commands.clear(made.list, 8 * len(made.bands))
+    one.run(commands, "shoot")
+    commands.submit()
+
+
+def finish(one: Exposure) -> int:
+    """Let it make the pictures; the number of the submission that ends them."""
+    commands = one.gpu.commands()
     if one.others:
-        # Copied while the colours are made.
-        encoder.copy_buffer_to_buffer(place.out, 0, target, 0, one.others)
-    submission = gpu.submit(encoder)
-    if not one.coloured:
-        return submission
-    # The card casts while this is recorded.
-    encoder = gpu.device.create_command_encoder()
-    made = place.of_colours
-    encoder.clear_buffer(made.list, 0, 8 * len(made.bands))
-    with _recorded(encoder) as compute:
-        one.run(compute, "reach")
-        one.run(compute, "shade")
+        # Into the program's memory. What comes next writes nothing that it reads: both run at once.
+        one.run(commands, "products")
+    if one.coloured:
+        made = one.place.of_colours
+        one.run(commands, "reach")
+        one.run(commands, "shade")
         for band in range(len(made.bands)):
-            one.run(compute, "find_edges", band)
-            one.run(compute, "shoot", band, extra=True)
+            one.run(commands, "find_edges", band)
+            one.run(commands, "shoot", band, extra=True)
             if one.lends:
-                one.run(compute, "lend", band)
-            one.run(compute, "reach", band, extra=True)
-            one.run(compute, "shade", band, extra=True)
-            one.run(compute, "blend_edges", band)
-    encoder.copy_buffer_to_buffer(made.picture, 0, target, one.others, 4 * place.pixels)
-    return gpu.submit(encoder)
-
-
-@contextmanager
-def _recorded(encoder: Any) -> Iterator[Any]:
-    compute = encoder.begin_compute_pass()
-    yield compute
-    compute.end()
+                one.run(commands, "lend", band)
+            one.run(commands, "reach", band, extra=True)
+            one.run(commands, "shade", band, extra=True)
+            one.run(commands, "blend_edges", band)
+        start, size = one.parts[Product.COLOURS]
+        commands.copy(made.picture, 0, one.readback.buffer, start, size)
+    return commands.submit()

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from carstage_sim.render.cast import trace
 from carstage_sim.render.edges import _apart, _is_even, _leaf_at, _unlike, alike
 from carstage_sim.render.film import weight_in_mean
@@ -37,12 +35,12 @@ _ARENAS = 2
 _HIT = ("f32", "i32", "i32", "f32", "f32")
 TRACING = ("shoot", "reach", "shade")
 """Passes that trace rays."""
-LOOPING = (*TRACING, "lend")
+LOOPING = (*TRACING, "lend", "products")
 """Passes whose lanes take one ray after the other."""
-WRITES_HITS = ("shoot", "reach")
-"""Passes that write what rays met."""
+WRITES_HITS = "shoot"
+"""The pass that writes what rays met."""
 _LAST = {
-    "shoot": "ur", "reach": "ur", "shade": "urrwww", "products": "wr", "find_edges": "uwrw",
+    "shoot": "ur", "reach": "urw", "shade": "urrwwwr", "products": "wr", "find_edges": "uwrw",
     "lend": "urrww", "blend_edges": "urrrwrr",
 }  # fmt: skip
 """Kinds of the buffers that a pass alone needs."""
@@ -148,7 +146,7 @@ class CameraProgram:
         depth = self._caster.geometry.stack if entry in TRACING else 0
         key = (entry, depth)
         if key not in self._pipelines:
-            writes = entry in WRITES_HITS
+            writes = entry == WRITES_HITS
             layouts = [self._caster.scene_layout, self.shot[writes], self.arena_layout]
             code = self._caster.source() if entry in TRACING else self._gpu.constants
             code += wgsl("shot").replace("HITS", "read_write" if writes else "read")
@@ -287,8 +285,3 @@ _ARRAYS = ("colour", "light_state")
 
 def _no_member(name: str) -> Array:
     raise TranslationError(f"working memory has no {name} on a card")
-
-
-def words_of(array: Any) -> np.ndarray[Any, np.dtype[np.uint32]]:
-    """Numbers as 32-bit words."""
-    return np.ascontiguousarray(array, np.float32).reshape(-1).view(np.uint32)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carstage_sim.render.gpu.native import WRITE, Native
+from carstage_sim.render.gpu.native import WRITE, Commands, Native
 
 if TYPE_CHECKING:
     from carstage_sim.render.gpu.device import Gpu
@@ -52,15 +52,15 @@ class Upload:
         self._staging = gpu.filled(size)
         self._after = 0
 
-    def write(self, array: NDArray[Any], encoder: Any) -> None:
-        """Let an encoder copy an array, which may change afterwards, to the card."""
+    def write(self, array: NDArray[Any], commands: Commands) -> None:
+        """Have an array, which may change afterwards, copied to the card."""
         data = np.ascontiguousarray(array).reshape(-1).view(np.uint8)
         size = padded(len(data))
         target = self._native.map(self._staging, size, WRITE, self._after, _nothing)
         self._gpu.copy(target[: len(data)], data)
         del target
         self._native.unmap(self._staging)
-        encoder.copy_buffer_to_buffer(self._staging, 0, self.buffer, 0, size)
+        commands.copy(self._staging, 0, self.buffer, 0, size)
 
     def read_by(self, submission: int) -> None:
         """Say with which submission it goes."""

@@ -15,10 +15,10 @@ def _brought(gpu, value, size=_SIZE):
     """Bytes of one value that went to the card and came back."""
     upload = gpu.upload(size)
     readback = gpu.readback(size)
-    encoder = gpu.device.create_command_encoder()
-    upload.write(np.full(size, value, np.uint8), encoder)
-    encoder.copy_buffer_to_buffer(upload.buffer, 0, readback.buffer, 0, size)
-    submission = gpu.submit(encoder)
+    commands = gpu.commands()
+    upload.write(np.full(size, value, np.uint8), commands)
+    commands.copy(upload.buffer, 0, readback.buffer, 0, size)
+    submission = commands.submit()
     upload.read_by(submission)
     return readback.bytes(submission)
 

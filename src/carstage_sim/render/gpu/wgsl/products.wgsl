@@ -86,13 +86,7 @@ fn flow_of(i: u32) -> vec2f {
 }
 
 // All pictures that are wanted but the colours, one behind the other.
-@compute @workgroup_size(64)
-fn products(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-  let i = linear_index(id, groups);
-  let n = pixel_count();
-  if (i >= n) {
-    return;
-  }
+fn write_products(i: u32, n: u32) {
   var at = i;
   if ((shot.wanted & DEPTH) != 0u) {
     pixels[at] = depth_code(i);
@@ -116,5 +110,14 @@ fn products(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) g
     let moved = flow_of(i);
     pixels[at + i] = bitcast<u32>(moved.x);
     pixels[at + i + 1u] = bitcast<u32>(moved.y);
+  }
+}
+
+@compute @workgroup_size(64)
+fn products(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+  let n = pixel_count();
+  let lanes = groups.x * groups.y * 64u;
+  for (var i = linear_index(id, groups); i < n; i += lanes) {
+    write_products(i, n);
   }
 }

@@ -1,6 +1,8 @@
 // What comes of sun and sky to the places that rays met. A pass of its own: rays to the sun run side
 // by side, and registers of the shading do not stand in their way.
 
+@group(3) @binding(2) var<storage, read_write> light: array<f32>;
+
 @compute @workgroup_size(64)
 fn reach(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
   let lanes = groups.x * groups.y * 64u;
@@ -12,6 +14,6 @@ fn reach(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) grou
     if (the_hit.row == LENT) {
       continue;
     }
-    hits[5u * batch.room + the_place] = bitcast<u32>(REACHING(0));
+    light[the_place] = REACHING(0);
   }
 }

@@ -1,6 +1,7 @@
 // Colours of rays; of those through pixels' centres the codes, too.
 
 @group(3) @binding(5) var<storage, read_write> codes: array<u32>;  // of one ray each
+@group(3) @binding(6) var<storage, read> light: array<f32>;        // that comes to what rays met
 
 @compute @workgroup_size(64)
 fn shade(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
@@ -13,7 +14,7 @@ fn shade(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) grou
     if (the_hit.row == LENT) {
       continue;
     }
-    let reaching = bitcast<f32>(hits[5u * batch.room + the_place]);
+    let reaching = light[the_place];
     let shown = SHADE(shot.lamps_on != 0u, 0, reaching);
     let colour = vec3f(shown.m0, shown.m1, shown.m2);
     colours[the_place] = vec4f(colour, 0.0);

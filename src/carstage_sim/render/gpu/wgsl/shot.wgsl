@@ -29,7 +29,7 @@ struct Shot {
 
 @group(1) @binding(0) var<uniform> shot: Shot;
 @group(1) @binding(1) var<storage, read> slopes: array<vec4f>;  // right, its rest, up, its rest
-@group(1) @binding(2) var<storage, HITS> hits: array<u32>;      // t, row, triangle, u, v, light
+@group(1) @binding(2) var<storage, HITS> hits: array<u32>;      // t, row, triangle, u, v
 
 fn pixel_count() -> u32 { return shot.width * shot.height; }
 

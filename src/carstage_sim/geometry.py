@@ -23,8 +23,9 @@ def rotation_matrix(rotation_deg: ArrayLike) -> FloatArray:
         (LibCarla ``Transform.h``: ``Rz(yaw) Ry(-pitch) Rx(-roll)``).
     """
     radians = np.radians(np.asarray(rotation_deg, dtype=np.float64))
-    cp, cy, cr = np.moveaxis(np.cos(radians), -1, 0)
-    sp, sy, sr = np.moveaxis(np.sin(radians), -1, 0)
+    cosine, sine = np.cos(radians), np.sin(radians)
+    cp, cy, cr = cosine[..., 0], cosine[..., 1], cosine[..., 2]
+    sp, sy, sr = sine[..., 0], sine[..., 1], sine[..., 2]
     matrix: FloatArray = np.empty((*radians.shape, 3))
     matrix[..., 0, 0] = cp * cy
     matrix[..., 0, 1] = cy * sp * sr - sy * cr

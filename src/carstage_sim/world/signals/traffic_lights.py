@@ -76,12 +76,14 @@ class _Junction:
     """The cycle of one junction: which phase is on, in which part, for how long.
 
     Attributes:
+        lights: of all phases.
         unused_s: for how long nobody has been near the lights of the active phase.
         waited_s: of each phase, for how long somebody has been before it under red.
         is_led_by_client: whether a client set a light here; the cycle then is of fixed lengths.
     """
 
     phases: list[list[int]]
+    lights: list[int] = field(init=False)
     active: int = 0
     part: TrafficLightState = TrafficLightState.GREEN
     elapsed_s: float = 0.0
@@ -89,14 +91,13 @@ class _Junction:
     waited_s: list[float] = field(default_factory=list)
     is_led_by_client: bool = False
 
+    def __post_init__(self) -> None:
+        self.lights = [light for phase in self.phases for light in phase]
+
     @property
     def is_actuated(self) -> bool:
         """Whether vehicles act on the cycle."""
         return len(self.phases) > 1 and not self.is_led_by_client
-
-    @property
-    def lights(self) -> list[int]:
-        return [light for phase in self.phases for light in phase]
 
 
 class TrafficLightSystem:
@@ -152,19 +153,27 @@ class TrafficLightSystem:
         self._was_red = is_red
 
     def _advance_all(self, delta_s: float, queues: Queues | None) -> None:
+        # Lists: of a junction's few lights an array takes longer to ask.
+        frozen, shown_s = self.frozen.tolist(), self.elapsed_s.tolist()
+        if queues is not None:
+            count, near = queues.count.tolist(), queues.near.tolist()
+            beyond = queues.beyond.tolist()
         for junction in self._junctions:
-            if self.frozen[junction.lights[0]]:
+            if frozen[junction.lights[0]]:
                 continue
             junction.elapsed_s += delta_s
             if queues is not None and junction.is_actuated:
-                counts = [int(queues.count[phase].sum()) for phase in junction.phases]
-                is_used = bool(queues.near[junction.phases[junction.active]].any())
-                is_clear = not queues.beyond[junction.lights[0]]
+                counts = [sum(count[light] for light in phase) for phase in junction.phases]
+                is_used = any(near[light] for light in junction.phases[junction.active])
+                is_clear = not beyond[junction.lights[0]]
                 self._actuate(junction, delta_s, counts, is_used=is_used, is_clear=is_clear)
             else:
                 self._advance(junction, [0] * len(junction.phases))
-            self.elapsed_s[junction.lights] = 0.0
-            self.elapsed_s[junction.phases[junction.active]] = junction.elapsed_s
+            for light in junction.lights:
+                shown_s[light] = 0.0
+            for light in junction.phases[junction.active]:
+                shown_s[light] = junction.elapsed_s
+        self.elapsed_s[:] = shown_s
 
     def _actuate(
         self,

@@ -78,8 +78,11 @@ def open_gpu(*, software: bool | None = None) -> Gpu:
         seen = ", ".join(f"{a.info['device']} ({a.info['adapter_type']})" for a in adapters)
         kind = "software" if software else "hardware"
         raise NoGpuError(f"no {kind} GPU with Vulkan, Metal or D3D12; seen: {seen or 'none'}")
-    fitting.sort(key=lambda adapter: adapter.info["adapter_type"] != "DiscreteGPU")
-    return Gpu(fitting[0])
+    able = [adapter for adapter in fitting if _WRITES_MEMORY in adapter.features]
+    if not able:
+        raise NoGpuError(f"{fitting[0].info['device']} cannot write into a program's memory")
+    able.sort(key=lambda adapter: adapter.info["adapter_type"] != "DiscreteGPU")
+    return Gpu(able[0])
 
 
 def chosen_gpu(choice: Choice) -> Gpu | None:

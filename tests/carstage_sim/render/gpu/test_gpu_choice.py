@@ -27,6 +27,15 @@ def test_asking_for_a_card_that_is_not_there_says_what_was_seen():
         device.chosen_gpu("gpu")
 
 
+def test_a_card_that_cannot_do_what_is_needed_is_named_or_passed_over(monkeypatch):
+    info = {"adapter_type": "DiscreteGPU", "device": "old card", "backend_type": "Vulkan"}
+    adapter = SimpleNamespace(info=info, features=frozenset())
+    monkeypatch.setattr(device, "_adapters", lambda: [adapter])
+    with pytest.raises(device.NoGpuError, match="old card cannot write into a program's memory"):
+        device.chosen_gpu("gpu")
+    assert device.chosen_gpu("auto") is None
+
+
 def test_the_cpu_is_taken_without_looking_for_cards(monkeypatch):
     monkeypatch.setattr(device, "_adapters", None)
     assert device.chosen_gpu("cpu") is None

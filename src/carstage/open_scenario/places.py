@@ -63,8 +63,9 @@ def read_position(position: Element, axes: Axes, entities: Container[str]) -> St
         for angle in ("p", "r"):
             if place.number(angle, 0.0) != 0.0:
                 place.refuse(f"{angle} is not 0; the road decides how who stands on it leans")
-        x, y, z = place.number("x"), place.number("y"), place.number("z", 0.0)
-        return WorldPlace(x, axes.sign * y, z, _degrees(place, axes))
+        z_m = place.number("z") if place.text("z", "") else None
+        y_m = axes.sign * place.number("y")
+        return WorldPlace(place.number("x"), y_m, z_m, _degrees(place, axes))
     turned = place.maybe("Orientation")
     yaw_deg = 0.0 if turned is None else _turned_deg(turned, axes)
     if place.tag == "LanePosition":

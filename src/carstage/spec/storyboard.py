@@ -41,12 +41,17 @@ CONDITIONS = (
 
 @dataclass(frozen=True, eq=False, repr=False)
 class WorldPlace(Value):
-    """A place in the world; its height counts only where no lane is below it."""
+    """A place in the world.
+
+    Attributes:
+        z_m: which of several lanes above each other it is on, and its height where there is none.
+            None: on a lane at any height.
+    """
 
     kind: str = field(default="world", init=False)
     x_m: float = 0.0
     y_m: float = 0.0
-    z_m: float = 0.0
+    z_m: Optional[float] = field(default=None, metadata=LEFT_OUT)
     yaw_deg: float = 0.0
 
 
@@ -94,8 +99,8 @@ def _read_place(section: Fields) -> StoryPlace:
     kind = section.text("kind", ("world", "lane", "relative_lane"))
     yaw_deg = section.number("yaw_deg")
     if kind == "world":
-        x_m, y_m, z_m = (section.number(name) for name in ("x_m", "y_m", "z_m"))
-        return WorldPlace(x_m, y_m, z_m, yaw_deg)
+        z_m = section.number("z_m") if "z_m" in section else None
+        return WorldPlace(section.number("x_m"), section.number("y_m"), z_m, yaw_deg)
     right_m = section.number("right_m")
     if kind == "lane":
         road = section.integer("road", 0)

@@ -82,6 +82,13 @@ def test_openscenarios_own_axes_are_turned_into_carlas() -> None:
     assert spec.entities[0].place == LanePlace(4, 1, 7.0, 0.5, 0.0)
 
 
+def test_a_place_without_a_height_has_none() -> None:
+    flat = INIT[0].replace(' z="0.0"', "")
+    assert flat != INIT[0]
+    spec = read(scenario(ENTITIES, [flat, *INIT[1:]], []))
+    assert spec.entities[1].place == WorldPlace(1.0, 2.0, None, pytest.approx(90.0))
+
+
 def test_events_with_their_triggers_are_read_and_come_back_from_json() -> None:
     events = [
         event("Near", [speed(5.0, "linear", "rate", 2.0)], when(of(HERO, NEAR), delay_s=0.5)),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Callable
+from typing import Any, Callable, List
 
 import carla
 
@@ -12,6 +12,10 @@ from carstage.spec.storyboard import LanePlace, RelativeLanePlace, StoryPlace, W
 
 NEAR_LANE_M = 0.5
 """Beside a lane, so far from its edge, the ground is as high as the lane."""
+
+
+LEVEL_M = 2.0
+"""Heights at which a lane is looked for, from one to the next."""
 
 
 class Places:
@@ -25,6 +29,7 @@ class Places:
     def __init__(self, world_map: Any, where: Callable[[str], Any]) -> None:
         self._map = world_map
         self._where = where
+        self._heights_m: List[float] = []
 
     def transform(self, place: StoryPlace) -> Any:
         """``carla.Transform`` of a position, on the ground where the map knows it.
@@ -33,8 +38,7 @@ class Places:
             SceneError: the map has no such lane.
         """
         if isinstance(place, WorldPlace):
-            at = carla.Location(place.x_m, place.y_m, place.z_m)
-            at.z = self._ground_m(at)
+            at = carla.Location(place.x_m, place.y_m, self._ground_m(place))
             return carla.Transform(at, carla.Rotation(0.0, place.yaw_deg, 0.0))
         waypoint = self._lane(place) if isinstance(place, LanePlace) else self._relative(place)
         return _aside(waypoint.transform, place.right_m, place.yaw_deg)
@@ -66,15 +70,32 @@ class Places:
             )
         return found[0]
 
-    def _ground_m(self, at: Any) -> float:
-        """Height of the lane at or beside a place; without one the place's own."""
-        lane = self._map.get_waypoint(at, True, carla.LaneType.Any)
-        if lane is None:
-            return float(at.z)
-        middle = lane.transform.location
-        aside_m = math.hypot(middle.x - at.x, middle.y - at.y)
-        is_near = aside_m <= 0.5 * lane.lane_width + NEAR_LANE_M
-        return float(middle.z if is_near else at.z)
+    def _ground_m(self, place: WorldPlace) -> float:
+        """Height of the lane at or beside a place; without one the place's own, or 0."""
+        heights_m = self._all_heights_m() if place.z_m is None else [place.z_m]
+        for z_m in heights_m:
+            lane = self._map.get_waypoint(
+                carla.Location(place.x_m, place.y_m, z_m), True, carla.LaneType.Any
+            )
+            if lane is None:
+                continue
+            middle = lane.transform.location
+            aside_m = math.hypot(middle.x - place.x_m, middle.y - place.y_m)
+            if aside_m <= 0.5 * lane.lane_width + NEAR_LANE_M:
+                return float(middle.z)
+        return place.z_m or 0.0
+
+    def _all_heights_m(self) -> List[float]:
+        """Heights of the map's roads in steps, those near 0 first.
+
+        A client finds the lane that is nearest in space: from far below, that of another place.
+        """
+        if not self._heights_m:
+            ends = [end.transform.location.z for pair in self._map.get_topology() for end in pair]
+            low, high = min(ends, default=0.0), max(ends, default=0.0)
+            steps = range(math.floor(low / LEVEL_M), math.ceil(high / LEVEL_M) + 1)
+            self._heights_m = sorted((LEVEL_M * step for step in steps), key=abs)
+        return self._heights_m
 
 
 def _aside(transform: Any, right_m: float, yaw_deg: float) -> Any:

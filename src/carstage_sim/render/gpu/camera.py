@@ -160,7 +160,7 @@ class GpuCameras:
         self._caster.cast(frame.scene, np.zeros(3), np.eye(3, dtype=np.float32), low=0.1, high=1.0)
 
     def _place(self, shot: Shot) -> PictureBuffers:
-        """The buffers of a lens: what one camera leaves in them is copied before the next comes."""
+        """The buffers of a lens: what one camera leaves in them is read before the next comes."""
         place = self._buffers.get(id(shot.slopes))
         if place is None:
             if len(self._buffers) == _MOST_SIZES:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 
 from carstage_sim.render.cast import Scene
 from carstage_sim.render.caster import AIMED, Hits, Packets, RayCaster, Slopes
-from carstage_sim.render.gpu.device import Gpu, wgsl
+from carstage_sim.render.gpu.device import BindGroups, Gpu, wgsl
 from carstage_sim.render.gpu.geometry import GpuGeometry
 from carstage_sim.render.gpu.transfer import Readback
 from carstage_sim.render.pixel_kernels import ray_directions
@@ -22,8 +21,8 @@ MOST_GROUPS = 65535
 """Work groups along one axis."""
 _MOST_LOOPING = 8192
 """Work groups whose lanes take several rays each: WebGPU clears a lane's stack before it begins. On
-an H200, five colour pictures took 5 % longer with 4096 and a tenth longer with 2048; on an H100 a
-lane for each ray took a third longer."""
+an H200, five colour pictures took 1 % longer with 4096 and 7 % longer with 2048; on an H100 a lane
+for each ray took a third longer."""
 LOT = 1 << 19
 """Rays that go to the card together: while it casts them the next are on their way."""
 
@@ -74,16 +73,7 @@ class GpuCaster(RayCaster):
         self._layout = gpu.layout("rrwu")
         self._pipelines: dict[int, Any] = {}
         self._lots: list[_Lot] = []
-        self._groups: dict[Any, tuple[tuple[Any, ...], Any]] = {}
-
-    def _group(self, key: Any, layout: Any, buffers: Sequence[Any]) -> Any:
-        """A bind group, the same again while its buffers are."""
-        held = self._groups.get(key)
-        same = held is not None and all(a is b for a, b in zip(held[0], buffers, strict=True))
-        if held is None or not same:
-            held = (tuple(buffers), self.gpu.group(layout, buffers))
-            self._groups[key] = held
-        return held[1]
+        self._groups = BindGroups(gpu)
 
     def source(self, *names: str) -> str:
         """Sources behind that of the ray caster, with a stack that is deep enough."""
@@ -113,8 +103,8 @@ class GpuCaster(RayCaster):
         with self.gpu.handing_over:
             self.geometry.update(scene)
             readback = self.gpu.readback((20 if weights else 12) * count)
+            rule = _Rule(len(origins) == 1, skip_row, weights, low, high)
             for number, first in enumerate(range(0, count, LOT)):
-                rule = _Rule(len(origins) == 1, skip_row, weights, low, high)
                 submission = self._submit(number, first, origins, rays, rule, readback)
         met = readback.bytes(submission).view(np.uint32)
         return Hits(
@@ -155,8 +145,8 @@ class GpuCaster(RayCaster):
         lot.directions.write(rays, commands)
         used = (lot.origins.buffer, lot.directions.buffer, readback.buffer, lot.batch)
         groups = (
-            self._group("scene", self.scene_layout, self.geometry.buffers),
-            self._group((number, id(readback.buffer)), self._layout, used),
+            self._groups.of("scene", self.scene_layout, self.geometry.buffers),
+            self._groups.of((number, id(readback.buffer)), self._layout, used),
         )
         commands.dispatch(self._pipeline(), groups, looping_groups(count))
         submission = commands.submit()

@@ -6,7 +6,7 @@ import logging
 import os
 import threading
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from importlib import resources
@@ -121,6 +121,26 @@ def _no_advice() -> Iterator[None]:
         yield
     finally:
         its_log.removeFilter(is_other)
+
+
+class BindGroups:
+    """Bind groups, each the same again while its buffers are.
+
+    Args:
+        gpu: the card.
+    """
+
+    def __init__(self, gpu: Gpu) -> None:
+        self._gpu = gpu
+        self._held: dict[Hashable, tuple[tuple[Any, ...], Any]] = {}
+
+    def of(self, key: Hashable, layout: Any, buffers: Sequence[Any]) -> Any:
+        """That of a use, made anew where it has other buffers than the last time."""
+        held = self._held.get(key)
+        same = held is not None and all(a is b for a, b in zip(held[0], buffers, strict=True))
+        if held is None or not same:
+            held = self._held[key] = (tuple(buffers), self._gpu.group(layout, buffers))
+        return held[1]
 
 
 class Gpu:

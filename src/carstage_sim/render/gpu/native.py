@@ -77,8 +77,10 @@ class Commands:
 
         self._end_computing()
         lib, commands = self._lib, self._ffi.new("WGPUCommandBuffer[1]")
-        commands[0] = api.libf.wgpuCommandEncoderFinish(self._encoder, self._ffi.NULL)
-        lib.wgpuCommandEncoderRelease(self._encoder)
+        try:
+            commands[0] = api.libf.wgpuCommandEncoderFinish(self._encoder, self._ffi.NULL)
+        finally:
+            lib.wgpuCommandEncoderRelease(self._encoder)
         queue = self._device.queue._internal
         submission = int(lib.wgpuQueueSubmitForIndex(queue, 1, commands))
         lib.wgpuCommandBufferRelease(commands[0])

@@ -7,7 +7,7 @@ listed by the card, so that no lane idles.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from enum import IntFlag
 from functools import cached_property
 from typing import Any
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage_sim.render.gpu.caster import GpuCaster, groups_of, looping_groups
-from carstage_sim.render.gpu.device import Gpu
+from carstage_sim.render.gpu.device import BindGroups, Gpu
 from carstage_sim.render.gpu.native import Commands
 from carstage_sim.render.gpu.program import LOOPING, WRITES_HITS, CameraProgram
 from carstage_sim.render.gpu.transfer import Readback
@@ -119,7 +119,7 @@ class PictureBuffers:
         self.unused = [gpu.storage(4), gpu.storage(4)]
         self.shot = gpu.uniform(SHOT_WORDS * 4)
         self.whole = _batch(gpu, 0, pixels, 0, height, 0)
-        self.bound: dict[Any, tuple[tuple[Any, ...], Any]] = {}
+        self.bound = BindGroups(gpu)
         self._made_for = (gpu, size, samples)
         gpu.write(self.slopes, np.stack(split(slopes), axis=2))
 
@@ -160,8 +160,8 @@ class Exposure:
         gpu: the card.
         parts: where in the read-back each picture begins, and its bytes; the colours come last.
         readback: where they arrive.
-        others: bytes of all pictures but the colours.
         coloured: whether colours are asked for.
+        has_others: whether other pictures are.
         lends: whether extra rays take colours of pixels beside them.
     """
 
@@ -182,9 +182,9 @@ class Exposure:
             size = place.pixels * bytes_per_pixel(product)
             self.parts[product] = (end, size)
             end += size
-        self.others = end - 4 * place.pixels * self.coloured
+        self.has_others = bool(others)
         self.readback: Readback = self.gpu.readback(end)
-        self._scene = self._group("scene", caster.scene_layout, caster.geometry.buffers)
+        self._scene = place.bound.of("scene", caster.scene_layout, caster.geometry.buffers)
         first, second = place.unused
         self._needed = {"shoot": [first]}
         self._needed_of_extra: dict[str, list[Any]] = {}
@@ -231,20 +231,11 @@ class Exposure:
         rays = (place.shot, place.slopes, hits)
         groups = (
             self._scene,
-            self._group(("rays", writes, extra), program.shot[writes], rays),
-            self._group("arenas", program.arena_layout, program.arenas.buffers),
-            self._group(key, program.last[entry], last),
+            place.bound.of(("rays", writes, extra), program.shot[writes], rays),
+            place.bound.of("arenas", program.arena_layout, program.arenas.buffers),
+            place.bound.of(key, program.last[entry], last),
         )
         commands.dispatch(program.pipeline(entry), groups, size)
-
-    def _group(self, key: Any, layout: Any, buffers: Sequence[Any]) -> Any:
-        """A bind group, the same again while its buffers are."""
-        held = self.place.bound.get(key)
-        same = held is not None and all(a is b for a, b in zip(held[0], buffers, strict=True))
-        if held is None or not same:
-            held = (tuple(buffers), self.gpu.group(layout, buffers))
-            self.place.bound[key] = held
-        return held[1]
 
 
 def begin(one: Exposure) -> None:
@@ -260,7 +251,7 @@ def begin(one: Exposure) -> None:
 def finish(one: Exposure) -> int:
     """Let it make the pictures; the number of the submission that ends them."""
     commands = one.gpu.commands()
-    if one.others:
+    if one.has_others:
         # Into the program's memory. What comes next writes nothing that it reads: both run at once.
         one.run(commands, "products")
     if one.coloured:

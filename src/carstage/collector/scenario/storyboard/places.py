@@ -12,8 +12,6 @@ from carstage.spec.storyboard import LanePlace, RelativeLanePlace, StoryPlace, W
 
 NEAR_LANE_M = 0.5
 """Beside a lane, so far from its edge, the ground is as high as the lane."""
-
-
 LEVEL_M = 2.0
 """Heights at which a lane is looked for, from one to the next."""
 

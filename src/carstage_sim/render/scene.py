@@ -19,6 +19,14 @@ from carstage_sim.maps.street_lamps import street_lamps
 from carstage_sim.mesh import Material, TriangleMesh
 from carstage_sim.render.bvh import WideTree, build_tree, refitted_tree, triangle_blocks
 from carstage_sim.render.cast import Geometry, Scene, empty_geometry
+from carstage_sim.render.joined_models import (
+    Joined,
+    JoinedModels,
+    Model,
+    Shape,
+    Surfaces,
+    empty_surfaces,
+)
 from carstage_sim.render.lamps import Lamps, headlight_beams, lamps_of, lamps_switched
 from carstage_sim.render.materials import Paint, cells_of_materials, linear_colour
 from carstage_sim.render.object_appearance import (
@@ -36,6 +44,10 @@ PAINTS = len(Paint)
 PASSING = "@"
 """A model whose key has this mark is given up as soon as no frame shows it."""
 
+_MOST_PAST = 2
+"""The arrays are made anew without what was given up once they have so many times the triangles of
+what is kept: that takes long."""
+
 QUICK = "~"
 """A model whose key has this mark is made as quickly as a stored one is read: it is not stored."""
 
@@ -44,27 +56,6 @@ _WALLS = (Material.PLASTER, Material.CONCRETE)
 _WIDEST_PANE = 127
 
 _log = logging.getLogger(__name__)
-
-
-class Surfaces(NamedTuple):
-    """What triangles look like and mean; row = triangle number of a :class:`Geometry`.
-
-    Attributes:
-        normals: ``(T, 3, 3)`` float32 unit normals per corner.
-        material: ``(T,)`` uint8 values of :class:`carstage_sim.mesh.Material`.
-        tag: ``(T,)`` uint8 values of :class:`carstage_sim.labels.CityObjectLabel`.
-        object_id: ``(T,)`` uint32 level object + 1, 0 for none.
-        flat: ``(T, 3)`` float32 unit normals of the triangles themselves.
-        pane: ``(T,)`` uint16: 1 and 2 for the two halves of a pane's rectangle or a wall's, else
-            0; plus 4 times its width and 512 times its height in decimetres, 127 at most.
-    """
-
-    normals: NDArray[np.float32]
-    material: NDArray[np.uint8]
-    tag: NDArray[np.uint8]
-    object_id: NDArray[np.uint32]
-    flat: NDArray[np.float32]
-    pane: NDArray[np.uint16]
 
 
 class Placement(NamedTuple):
@@ -85,20 +76,6 @@ class Placement(NamedTuple):
     rotation: NDArray[np.float64]
     colours: tuple[tuple[int, int, int], ...] = ((128, 128, 128),) * PAINTS
     light_state: int = 0
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Shape:
-    """A model's triangles, as hits of a frame number them.
-
-    Attributes:
-        first: number of its first triangle in the actors' geometry.
-        corners: ``(T, 3, 3)`` float32 corners of its triangles, actor's frame; the same array
-            again for the same model.
-    """
-
-    first: int
-    corners: NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,14 +177,6 @@ class Frame:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class _Model:
-    geometry: Geometry
-    surfaces: Surfaces
-    bounds: NDArray[np.float32]
-    corners: NDArray[np.float32]
-
-
 def _corners(mesh: TriangleMesh) -> NDArray[np.float32]:
     corners: NDArray[np.float32] = mesh.vertices[mesh.triangles]
     return corners
@@ -275,12 +244,12 @@ def _cells(mesh: TriangleMesh, numbers: NDArray[np.int32]) -> NDArray[np.uint8]:
     return np.where(numbers >= 0, cells[numbers], np.uint8(0))
 
 
-def _model(mesh: TriangleMesh, tree: WideTree | None = None) -> _Model:
+def _model(mesh: TriangleMesh, tree: WideTree | None = None) -> Model:
     corners = _corners(mesh)
     if tree is None:
         tree = _tree(corners)
     blocks, numbers = triangle_blocks(tree, corners)
-    return _Model(
+    return Model(
         Geometry(tree.planes, tree.children, blocks, numbers, _cells(mesh, numbers)),
         _surfaces(mesh, corners),
         mesh.bounds,
@@ -317,46 +286,6 @@ def cached_tree(mesh: TriangleMesh, folder: Path) -> WideTree:
     return tree
 
 
-def _joined(models: Sequence[_Model]) -> tuple[Geometry, Surfaces, list[int], list[Shape]]:
-    """Models one behind the other in shared arrays; the root node and triangles of each."""
-    planes, children, corners, numbers, cells, roots = [], [], [], [], [], []
-    shapes: list[Shape] = []
-    nodes = blocks = triangles = 0
-    for model in models:
-        g = model.geometry
-        roots.append(nodes)
-        shapes.append(Shape(triangles, model.corners))
-        planes.append(g.planes)
-        inner = g.children >= 0
-        children.append(np.where(inner, g.children + nodes, g.children - blocks).astype(np.int32))
-        corners.append(g.corners)
-        numbers.append(np.where(g.numbers >= 0, g.numbers + triangles, -1).astype(np.int32))
-        cells.append(g.cells)
-        nodes += len(g.planes)
-        blocks += len(g.corners)
-        triangles += len(model.surfaces.material)
-    geometry = Geometry(
-        np.concatenate(planes),
-        np.concatenate(children),
-        np.concatenate(corners),
-        np.concatenate(numbers),
-        np.concatenate(cells),
-    )
-    fields = zip(*(model.surfaces for model in models), strict=True)
-    return geometry, Surfaces(*(np.concatenate(parts) for parts in fields)), roots, shapes
-
-
-def _empty_surfaces() -> Surfaces:
-    return Surfaces(
-        np.empty((0, 3, 3), np.float32),
-        np.empty(0, np.uint8),
-        np.empty(0, np.uint8),
-        np.empty(0, np.uint32),
-        np.empty((0, 3), np.float32),
-        np.empty(0, np.uint16),
-    )
-
-
 class SceneStore:
     """Keeps geometries between frames and puts instances of them into a scene.
 
@@ -378,16 +307,12 @@ class SceneStore:
         self._mesh_of = mesh_of
         self._beside = beside
         self._cache = cache
-        self._stale = False
-        self._models: list[_Model] = []
-        self._index: dict[str, int] = {}
-        self._roots: list[int] = []
-        self._shapes: list[Shape] = []
+        self._models: dict[str, Joined] = {}
+        self._joined = JoinedModels()
         self._street_lamps = street_lamps(static)
         self._lamps = lamps_of(self._street_lamps)
-        self._actors: tuple[Geometry, Surfaces] = (empty_geometry(), _empty_surfaces())
         if static is None or not len(static.triangles):
-            self._static, self._static_surfaces = empty_geometry(), _empty_surfaces()
+            self._static, self._static_surfaces = empty_geometry(), empty_surfaces()
         else:
             model = _model(static, cached_tree(static, cache) if cache is not None else None)
             self._static, self._static_surfaces = model.geometry, model.surfaces
@@ -424,9 +349,9 @@ class SceneStore:
     def prepare(self, keys: Sequence[str]) -> None:
         """Build models now, so that the first frame that shows them need not."""
         for first in dict.fromkeys(keys):
-            if first not in self._index:
+            if first not in self._models:
                 group = dict.fromkeys((first, *self._beside(first)))
-                self._build([key for key in group if key not in self._index])
+                self._build([key for key in group if key not in self._models])
 
     def _build(self, keys: list[str]) -> None:
         """Build models that are needed together."""
@@ -440,24 +365,19 @@ class SceneStore:
                 tree = refitted_tree(middle, *_boxes(_corners(mesh)))
             elif PASSING not in key and QUICK not in key and self._cache is not None:
                 tree = cached_tree(mesh, self._cache)
-            self._index[key] = len(self._models)
-            self._models.append(_model(mesh, tree))
-        self._stale = True
+            self._models[key] = self._joined.add(_model(mesh, tree))
 
     def _forget_passing(self, wanted: Container[str]) -> None:
         """Give up the models of one moment that are not wanted any more."""
-        past = [key for key in self._index if PASSING in key and key not in wanted]
+        past = [key for key in self._models if PASSING in key and key not in wanted]
+        for key in past:
+            del self._models[key]
         if past:
-            kept = {key: self._models[i] for key, i in self._index.items() if key not in past}
-            self._models = list(kept.values())
-            self._index = {key: number for number, key in enumerate(kept)}
-            self._stale = True
-
-    def _join(self) -> None:
-        if self._stale and self._models:
-            geometry, surfaces, self._roots, self._shapes = _joined(self._models)
-            self._actors = (geometry, surfaces)
-        self._stale = False
+            kept = sum(len(joined.shape.corners) for joined in self._models.values())
+            if self._joined.triangles > _MOST_PAST * kept:
+                before, self._joined = self._joined, JoinedModels()
+                for key, joined in self._models.items():
+                    self._models[key] = self._joined.add(before.model(joined))
 
     def frame(self, placements: Sequence[Placement], changes: TownChanges | None = None) -> Frame:
         """The scene with ``placements`` in it; instance row = place in the sequence.
@@ -471,28 +391,28 @@ class SceneStore:
         wanted = dict.fromkeys(p.model for p in placements)
         self._forget_passing(wanted)
         self.prepare(list(wanted))
-        self._join()
-        index = [self._index[p.model] for p in placements]
+        actors, surfaces = self._joined.arrays()
+        models = [self._models[p.model] for p in placements]
         exact_rotation = np.array([p.rotation for p in placements], np.float64).reshape(-1, 3, 3)
         exact_location = np.array([p.location for p in placements], np.float64).reshape(-1, 3)
         rotation, position = exact_rotation.astype(np.float32), exact_location.astype(np.float32)
-        bounds = _stacked([self._models[i].bounds for i in index], (2, 3))
+        bounds = _stacked([model.bounds for model in models], (2, 3))
         top = top_tree(rotation, position, bounds)
         light_state = np.array([p.light_state & 0xFFFFFFFF for p in placements], np.uint32)
         beams = headlight_beams(rotation, position, bounds, light_state)
         return Frame(
             scene=Scene(
                 static=self._static,
-                actors=self._actors[0],
+                actors=actors,
                 top_planes=top.planes,
                 top_children=top.children,
                 top_row=top.order[top.leaf_first],
                 rotation=rotation,
                 position=position,
-                root=np.array([self._roots[i] for i in index], np.int32),
+                root=np.array([model.root for model in models], np.int32),
             ),
             static=self._static_surfaces,
-            actors=self._actors[1],
+            actors=surfaces,
             appearance=self._appearance,
             actor_id=np.array([p.actor_id for p in placements], np.uint32),
             colour=self._linear([p.colours for p in placements]),
@@ -500,7 +420,7 @@ class SceneStore:
             bounds=bounds,
             location=exact_location,
             rotation=exact_rotation,
-            shapes=[self._shapes[i] for i in index],
+            shapes=[model.shape for model in models],
             lamps=self._lamps._replace(beams=beams),
         )
 

@@ -32,10 +32,10 @@ from carstage_sim.render.incoming_light import (
     sun_start,
     under_overhang,
 )
+from carstage_sim.render.joined_models import Surfaces
 from carstage_sim.render.lamps import Lamps, glow, lamp_light
 from carstage_sim.render.materials import Glow, MaterialTable, Paint
 from carstage_sim.render.object_appearance import ObjectAppearance
-from carstage_sim.render.scene import Surfaces
 from carstage_sim.render.sky import Lighting
 from carstage_sim.render.stars import starlight
 from carstage_sim.render.surface import facing_normals, is_leaf, surface_material, water

@@ -14,7 +14,7 @@ from carstage_sim.render.scene import (
     cached_tree,
     linear_colour,
 )
-from ray_scenes import frame_of, sphere, turned_box
+from ray_scenes import frame_of, shoot, sphere, turned_box
 
 pytestmark = pytest.mark.xdist_group("kernels")
 
@@ -108,6 +108,37 @@ def test_models_of_one_moment_leave_no_hierarchy_in_the_cache(tmp_path):
     assert list(tmp_path.iterdir()) == []
     store.prepare(["figure"])
     assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_frames_stay_as_they_are_while_models_come_and_go():
+    meshes = {"stays": sphere(3), "late": turned_box((1.0, 4.0, 1.0))}
+    meshes |= {f"ball{PASSING}{k}": sphere(k % 3) for k in range(40)}
+    store = SceneStore(None, meshes.__getitem__, cache=None)
+    across = np.linspace(-1.5, 1.5, 31)
+    rays = np.stack([np.ones((31, 31)), *np.meshgrid(across, across)], axis=2)
+
+    def seen(frame):
+        hits = shoot(frame, np.array([-4.0, 0.1, 0.2]), rays)
+        first = np.array([shape.first for shape in frame.shapes])
+        return hits.t, hits.row, np.where(hits.row >= 0, hits.triangle - first[hits.row], -1)
+
+    made, most = [], 0
+    for k in range(40):
+        models = ["stays", f"ball{PASSING}{k}", *["late"] * (k > 20)]
+        places = [
+            Placement(n + 1, model, np.array([3.0 * n, 1.0 - n, 0.0]), np.eye(3))
+            for n, model in enumerate(models)
+        ]
+        alone = seen(frame_of(None, places, meshes))
+        assert set(alone[1].tolist()) == {-2, *range(len(models))}
+        frame = store.frame(places)
+        made.append((frame, alone))
+        kept = sum(len(shape.corners) for shape in frame.shapes)
+        most = max(most, len(frame.actors.tag) / kept)
+    for frame, alone in made:
+        for one, other in zip(seen(frame), alone, strict=True):
+            assert np.array_equal(one, other)
+    assert 1.5 < most < 4.0, "what was given up goes, but not at once"
 
 
 def test_a_point_inside_the_carriers_box_names_its_row():

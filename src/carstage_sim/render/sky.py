@@ -261,23 +261,22 @@ class SkyModel:
     def lighting(self, weather: Weather, time_s: float) -> Lighting:
         """Light of a weather; ``time_s`` lets blinkers blink."""
         with self._lock:
-            if self._last is None or self._last[0] != weather:
-                self._last = (weather, _lighting(weather, self._noise))
-                self._keep_exposure(weather, self._last[1])
-            kept = self._last[1]
-        return kept._replace(time_s=np.float32(time_s % 3600.0))
+            return self._light_of(weather)._replace(time_s=np.float32(time_s % 3600.0))
 
     def exposure(self, weather: Weather) -> float:
         """The automatic exposure of a weather; that of some before is known."""
         with self._lock:
             if weather not in self._exposures:
-                self._keep_exposure(weather, _lighting(weather, self._noise))
+                self._light_of(weather)
             return self._exposures[weather]
 
-    def _keep_exposure(self, weather: Weather, light: Lighting) -> None:
-        if len(self._exposures) >= _EXPOSURES:
-            del self._exposures[next(iter(self._exposures))]
-        self._exposures[weather] = float(light.exposure)
+    def _light_of(self, weather: Weather) -> Lighting:
+        if self._last is None or self._last[0] != weather:
+            self._last = (weather, _lighting(weather, self._noise))
+            if weather not in self._exposures and len(self._exposures) >= _EXPOSURES:
+                del self._exposures[next(iter(self._exposures))]
+            self._exposures[weather] = float(self._last[1].exposure)
+        return self._last[1]
 
 
 def _lighting(weather: Weather, noise: Array) -> Lighting:

@@ -90,15 +90,16 @@ AIMED = Slopes(np.eye(3), np.empty(0), np.empty(0))
 @lru_cache(maxsize=16)
 def picture_packets(width: int, height: int) -> Packets:
     """The rays of a picture's pixels, row by row, in squares of 8 by 8."""
-    number = np.arange(width * height, dtype=np.int32).reshape(height, width)
-    squares = [
-        number[y : y + SQUARE, x : x + SQUARE].ravel()
-        for y in range(0, height, SQUARE)
-        for x in range(0, width, SQUARE)
-    ]
+    rows, columns = -(-height // SQUARE), -(-width // SQUARE)
+    whole = np.full((rows * SQUARE, columns * SQUARE), -1, np.int32)
+    whole[:height, :width] = np.arange(width * height, dtype=np.int32).reshape(height, width)
+    squares = (
+        whole.reshape(rows, SQUARE, columns, SQUARE).transpose(0, 2, 1, 3).reshape(-1, SQUARE**2)
+    )
+    within = squares >= 0
     starts = np.zeros(len(squares) + 1, np.int32)
-    np.cumsum([len(square) for square in squares], out=starts[1:])
-    return Packets(np.concatenate(squares), starts)
+    np.cumsum(np.count_nonzero(within, axis=1), out=starts[1:])
+    return Packets(squares[within], starts)
 
 
 def by_rows(packets: Packets, row_of: NDArray[np.integer]) -> Iterator[tuple[int, Packets]]:

@@ -24,6 +24,7 @@ from carstage_sim.render.gpu.device import Choice, chosen_gpu
 from carstage_sim.render.quality import Quality
 from carstage_sim.sensors import SensorAttributeError, WorldSensors
 from carstage_sim.sensors.actors import WHEELCHAIR
+from carstage_sim.sensors.cameras import RgbCamera
 from carstage_sim.sensors.gbuffers import GBUFFERS
 from carstage_sim.sensors.gbuffers import SENT_AS as GBUFFER_MESSAGE
 from carstage_sim.sensors.looping import Looping
@@ -39,7 +40,7 @@ from carstage_sim.world.errors import SpawnError
 from carstage_sim.world.kernel_warmup import warm_up_mechanics
 from carstage_sim.world.pose import ZERO, Pose, Vector3
 from carstage_sim.world.snapshot import Snapshot
-from carstage_sim.world.state import ActorKind, WorldState
+from carstage_sim.world.state import ActorKind, Weather, WorldState
 from carstage_sim.world.world import World
 
 logger = logging.getLogger(__name__)
@@ -477,7 +478,7 @@ class Simulation:
         """Refuse a sensor that could not be captured, before it is in the world.
 
         What can be seen gets its shape here, and exact voxels get their kernels: clients wait
-        longer for a spawn than for a picture.
+        longer for a spawn than for a picture. What sensors see of any town is made meanwhile.
 
         Raises:
             SpawnError: an attribute has an impossible value.
@@ -488,17 +489,26 @@ class Simulation:
             return
         request = SensorRequest(0, type_id, attributes, ZERO, ZERO, 0)
         try:
-            SensorRegistry.make(request, self._town)
+            sensor = SensorRegistry.make(request, self._town)
         except SensorAttributeError as error:
             raise SpawnError(f"{type_id}: {error}") from error
         if type_id == EXACT_VOXELS:
             self._drawing.at_once_or_later(self._expect, type_id)
+        if sensor.casts_rays and not self._drawing.busy:
+            light = isinstance(sensor, RgbCamera)
+            self._drawing.submit(self._expect_look, self.world.weather, light=light)
 
     def _expect(self, type_id: str) -> None:
         try:
             self._sensors.expect(type_id)
         except Exception:
             logger.exception("%s cannot be prepared", type_id)
+
+    def _expect_look(self, weather: Weather, *, light: bool) -> None:
+        try:
+            self._sensors.expect_look(weather, light=light)
+        except Exception:
+            logger.exception("what sensors see of the town cannot be prepared")
 
 
 def _late_turns(scene: Scene, turn_of: Callable[[Actor], LateTurn | None]) -> dict[int, LateTurn]:

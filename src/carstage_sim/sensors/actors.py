@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import astuple, replace
 from functools import lru_cache
 from pathlib import Path
@@ -91,6 +91,11 @@ class ActorModels:
         stored = MeshStore(self._built_in, self._identity, cache)
         self.mesh: Callable[[str], TriangleMesh] = meshes if meshes is not None else stored
         self._wheels = LooseWheels(self._catalogue, self.mesh)
+
+    @property
+    def keys_of_lights(self) -> Sequence[str]:
+        """Model keys of the town's traffic lights."""
+        return self._light_keys
 
     def keys_of(self, type_id: str) -> tuple[str, ...]:
         """Model keys that an actor of a blueprint begins with; none if it has no shape.

@@ -164,6 +164,18 @@ class WorldSensors:
         with self._making:
             self._store.prepare(self._models.keys_of(type_id))
 
+    def expect_look(self, weather: Weather, *, light: bool) -> None:
+        """Do now what the first look at the town would have to wait for.
+
+        Args:
+            weather: in which it will be.
+            light: whether it is about colours.
+        """
+        with self._making:
+            self._store.prepare(self._models.keys_of_lights)
+        if light:
+            self._pictures.sky.exposure(weather)
+
     def reset(self) -> None:
         """Forget all sensors: a new episode counts actor ids and frames anew."""
         self._known.reset()

@@ -77,9 +77,13 @@ def _measure(gpu: Gpu, scene: ReferenceScene, frame: Frame) -> tuple[Figure, ...
     still = no_motion(len(frame.actor_id))
 
     def pictures(products: Collection[Product], count: int = 1) -> Callable[[], object]:
+        # Each camera has motions of its own, so that flow is not made together.
+        at_once = 1 if Product.FLOW in products else count
+
         def take() -> object:
             under_way = [
-                cameras.take(frame, shot, products, light, motions=still) for shot in shots[:count]
+                cameras.take(frame, shots[k : k + at_once], products, light, motions=still)
+                for k in range(0, count, at_once)
             ]
             return [pending.pictures() for pending in under_way]
 

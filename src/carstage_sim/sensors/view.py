@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any
@@ -140,13 +140,16 @@ def turned(
     return world
 
 
-_Pictures = dict[Product, NDArray[np.uint8]]
+_Pictures = list[dict[Product, NDArray[np.uint8]]]
+"""Of each camera."""
 
 
-def _received(pending: Pending, camera: Camera) -> _Pictures:
-    """Pictures of a camera, ``(H, W, 4)`` or ``(H, W, 8)``, when the card has made them."""
-    shape = camera.height, camera.width, -1
-    return {product: data.reshape(shape) for product, data in pending.pictures().items()}
+def _received(pending: Pending, size: tuple[int, int]) -> _Pictures:
+    """Pictures of cameras, ``(H, W, 4)`` or ``(H, W, 8)``, when the card has made them."""
+    return [
+        {product: data.reshape(*size, -1) for product, data in of_one.items()}
+        for of_one in pending.pictures()
+    ]
 
 
 class View:
@@ -190,7 +193,7 @@ class View:
         self._cameras = cameras
         self._card_lock = threading.Lock()
         self._expected: dict[tuple[Camera, Film], set[Product]] = {}
-        self._taken: dict[tuple[Camera, Film, Product], Once[_Pictures]] = {}
+        self._taken: dict[tuple[Camera, Film, Product], tuple[Once[_Pictures], int]] = {}
         self.cast_count = 0
 
     @property
@@ -386,13 +389,14 @@ class View:
         with self._card_lock:
             if motions is not None:
                 # Not for others of this pose: their last pictures may be of other ticks.
-                pictures = self._take(self._cameras, camera, film, {product}, motions)
+                pictures = self._take(self._cameras, [camera], film, {product}, motions)
+                number = 0
             else:
                 if key not in self._taken:
                     self._expected.setdefault((camera, film), set()).add(product)
                     self._take_expected(self._cameras)
-                pictures = self._taken[key]
-        return pictures()[product]
+                pictures, number = self._taken[key]
+        return pictures()[number][product]
 
     def _is_for_cpu(self, camera: Camera, product: Product) -> bool:
         """Whether the CPU makes a picture: with debug shapes, or row by row."""
@@ -405,24 +409,40 @@ class View:
         return self._cameras is not None
 
     def _take_expected(self, cameras: GpuCameras) -> None:
+        # While the card has nothing else to do, the first picture is worked at while it makes the
+        # next; if it is behind, it makes all in less time.
+        in_turn = not cameras.busy
+        alike: dict[Any, list[Camera]] = {}
         for (camera, film), products in self._expected.items():
-            pictures = self._take(cameras, camera, film, products)
-            self._taken.update({(camera, film, product): pictures for product in products})
+            lens = camera.width, camera.height, camera.fov_deg, camera.lens
+            alike.setdefault((lens, film, frozenset(products)), []).append(camera)
         self._expected.clear()
+        for (_, film, products), of_all in alike.items():
+            pixels = of_all[0].width * of_all[0].height
+            at_once = 1 if in_turn else cameras.most_together(pixels)
+            for first in range(0, len(of_all), at_once):
+                together = of_all[first : first + at_once]
+                pictures = self._take(cameras, together, film, products)
+                self._taken |= {
+                    (camera, film, product): (pictures, number)
+                    for number, camera in enumerate(together)
+                    for product in products
+                }
 
     def _take(
         self,
         cameras: GpuCameras,
-        camera: Camera,
+        of_one_lens: Sequence[Camera],
         film: Film,
-        products: set[Product],
+        products: Collection[Product],
         motions: Motions | None = None,
     ) -> Once[_Pictures]:
-        self._count_cast()
+        self._count_cast(len(of_one_lens))
+        shots = [self._shot(camera) for camera in of_one_lens]
         pending = cameras.take(
-            self.frame, self._shot(camera), products, self.lighting, film=film, motions=motions
+            self.frame, shots, products, self.lighting, film=film, motions=motions
         )
-        return Once(partial(_received, pending, camera))
+        return Once(partial(_received, pending, (of_one_lens[0].height, of_one_lens[0].width)))
 
     def _shot(self, camera: Camera) -> Shot:
         return Shot(

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+import threading
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,6 +15,7 @@ from numpy.typing import NDArray
 from carstage_sim.render.film import Film
 from carstage_sim.render.gpu.caster import GpuCaster
 from carstage_sim.render.gpu.passes import (
+    MOST_CAMERAS,
     SHOT_WORDS,
     TILE,
     Exposure,
@@ -20,6 +23,7 @@ from carstage_sim.render.gpu.passes import (
     Product,
     begin,
     finish,
+    most_together,
     split,
 )
 from carstage_sim.render.gpu.program import CameraProgram, frame_source
@@ -62,22 +66,30 @@ class Shot:
 
 @dataclass(frozen=True, slots=True)
 class Pending:
-    """Pictures of a camera that the card is working at.
+    """Pictures of cameras that the card is working at.
 
     Attributes:
         readback: where they arrive.
-        parts: where each begins there, and its bytes.
+        parts: of each camera, where each picture begins there, and its bytes.
         submission: what makes them.
+        received: called when they are there.
     """
 
     readback: Readback
-    parts: dict[Product, tuple[int, int]]
+    parts: list[dict[Product, tuple[int, int]]]
     submission: int
+    received: Callable[[], None]
 
-    def pictures(self) -> dict[Product, NDArray[np.uint8]]:
-        """Bytes of each picture, flat; waits for the card. Once."""
-        data = self.readback.bytes(self.submission)
-        return {product: data[a : a + n] for product, (a, n) in self.parts.items()}
+    def pictures(self) -> list[dict[Product, NDArray[np.uint8]]]:
+        """Bytes of each camera's pictures, flat; waits for the card. Once."""
+        try:
+            data = self.readback.bytes(self.submission)
+        finally:
+            self.received()
+        return [
+            {product: data[a : a + n] for product, (a, n) in of_one.items()}
+            for of_one in self.parts
+        ]
 
 
 class GpuCameras:
@@ -95,36 +107,55 @@ class GpuCameras:
         self._sampling = SAMPLING[quality]
         self._materials = material_table()
         self._program: CameraProgram | None = None
-        self._buffers: dict[int, PictureBuffers] = {}
+        self._under_way = 0
+        self._counting = threading.Lock()
+        self._buffers: dict[tuple[int, int], PictureBuffers] = {}
         self._curves: dict[float, Any] = {}
+
+    @property
+    def busy(self) -> bool:
+        """Whether the card has pictures to make that were not asked for yet."""
+        return self._under_way > 0
+
+    def most_together(self, pixels: int) -> int:
+        """How many cameras with so many pixels may be taken together."""
+        return most_together(self._gpu, pixels)
 
     def take(
         self,
         frame: Frame,
-        shot: Shot,
+        shots: Sequence[Shot],
         products: Collection[Product],
         light: Lighting,
         *,
         film: Film | None = None,
         motions: Motions | None = None,
     ) -> Pending:
-        """Begin pictures of one camera.
+        """Begin pictures of cameras of one lens, which the card makes together.
 
         Args:
             frame: what is seen.
-            shot: the camera.
-            products: the pictures.
+            shots: the cameras; not more than :meth:`most_together`.
+            products: the pictures of each.
             light: of the weather; only colours need it.
             film: how light becomes codes.
-            motions: since this camera's last picture; only flow needs them.
+            motions: since the last picture; only flow needs them, which one camera has by itself.
+
+        Raises:
+            ValueError: the cameras cannot be taken together.
         """
+        first = shots[0]
+        if any(_lens_of(shot) != _lens_of(first) for shot in shots):
+            raise ValueError("cameras of several lenses")
+        if len(shots) > (1 if Product.FLOW in products else MOST_CAMERAS):
+            raise ValueError(f"{len(shots)} cameras at once")
         with self._gpu.handing_over:
-            return self._take(frame, shot, products, light, film or Film(), motions)
+            return self._take(frame, shots, products, light, film or Film(), motions)
 
     def _take(
         self,
         frame: Frame,
-        shot: Shot,
+        shots: Sequence[Shot],
         products: Collection[Product],
         light: Lighting,
         film: Film,
@@ -134,16 +165,22 @@ class GpuCameras:
         self._caster.geometry.update(frame.scene)
         if self._program is None:
             self._program = CameraProgram(self._caster, source, epic=self._epic)
-        place = self._place(shot)
+        place = self._place(shots)
         lamps_on = bool(light.night > 0) or bool((frame.lamps.power.sum(axis=1) > 0).any())
-        self._aim(place, shot, sum(products), lamps_on)
         exposure = Exposure(self._caster, self._program, place, products, self._curve(film))
+        self._aim(place, shots, sum(products), exposure.words, lamps_on)
         begin(exposure)
         # The card casts while the rest is brought to it.
         self._program.arenas.update(source)
         if motions is not None and Product.FLOW in products:
             self._write_motions(place, motions)
-        return Pending(exposure.readback, exposure.parts, finish(exposure))
+        submission = finish(exposure)
+        self._count(1)
+        return Pending(exposure.readback, exposure.parts, submission, partial(self._count, -1))
+
+    def _count(self, more: int) -> None:
+        with self._counting:
+            self._under_way += more
 
     def _write_motions(self, place: PictureBuffers, motions: Motions) -> None:
         words = _motion_words(motions)
@@ -156,35 +193,47 @@ class GpuCameras:
         slopes = np.zeros((TILE * TILE, 2))
         shot = Shot(TILE, TILE, 90.0, slopes, np.zeros(3), np.eye(3), -1, 0.1, 1.0)
         still = no_motion(len(frame.actor_id))
-        self.take(frame, shot, list(Product), light, motions=still).pictures()
+        self.take(frame, [shot], list(Product), light, motions=still).pictures()
         self._caster.cast(frame.scene, np.zeros(3), np.eye(3, dtype=np.float32), low=0.1, high=1.0)
 
-    def _place(self, shot: Shot) -> PictureBuffers:
-        """The buffers of a lens: what one camera leaves in them is read before the next comes."""
-        place = self._buffers.get(id(shot.slopes))
+    def _place(self, shots: Sequence[Shot]) -> PictureBuffers:
+        """The buffers of a lens: what cameras leave in them is read before the next come."""
+        first = shots[0]
+        key = (id(first.slopes), len(shots))
+        place = self._buffers.get(key)
         if place is None:
             if len(self._buffers) == _MOST_SIZES:
                 self._buffers.pop(next(iter(self._buffers)))
-            size, samples = (shot.width, shot.height), len(self._sampling.offsets)
-            place = PictureBuffers(self._gpu, size, shot.slopes, samples)
-            self._buffers[id(shot.slopes)] = place
+            size, samples = (first.width, first.height), len(self._sampling.offsets)
+            place = PictureBuffers(self._gpu, size, first.slopes, samples, len(shots))
+            self._buffers[key] = place
         return place
 
-    def _aim(self, place: PictureBuffers, shot: Shot, wanted: int, lamps_on: bool) -> None:
+    def _aim(
+        self,
+        place: PictureBuffers,
+        shots: Sequence[Shot],
+        wanted: int,
+        words_of_one: int,
+        lamps_on: bool,
+    ) -> None:
         offsets = self._sampling.offsets
         if len(offsets) > _MOST_SAMPLES:
             raise ValueError(f"more than {_MOST_SAMPLES} extra rays of a pixel")
-        half_width = math.tan(math.radians(shot.fov_deg) / 2.0)
+        lens = shots[0]
+        half_width = math.tan(math.radians(lens.fov_deg) / 2.0)
         words = np.zeros(SHOT_WORDS, np.float32)
-        axes, whole = words[:28].reshape(7, 4), words.view(np.int32)
-        axes[:3, :3], axes[4:, :3] = split(shot.rotation.T)
-        axes[3, :3] = shot.location
-        whole[28:32] = shot.width, shot.height, shot.skip_row, len(offsets)
-        words[32:35] = shot.low, shot.high, 2.0 * half_width / shot.width
-        whole[35:39] = self._sampling.strong, self._sampling.weak, 0, wanted
-        words[39] = half_width
-        whole[40] = lamps_on
-        words[44:].reshape(-1, 4)[: len(offsets), :2] = offsets
+        whole = words.view(np.int32)
+        whole[:4] = lens.width, lens.height, len(offsets), len(shots)
+        words[4:8] = lens.low, lens.high, 2.0 * half_width / lens.width, half_width
+        whole[8:12] = self._sampling.strong, self._sampling.weak, 0, wanted
+        whole[12:14] = words_of_one, lamps_on
+        words[16:48].reshape(8, 4)[: len(offsets), :2] = offsets
+        axes, skip = words[48:].reshape(-1, 8, 4), whole[48:].reshape(-1, 8, 4)[:, 7, 0]
+        for number, shot in enumerate(shots):
+            axes[number, :3, :3], axes[number, 4:7, :3] = split(shot.rotation.T)
+            axes[number, 3, :3] = shot.location
+            skip[number] = shot.skip_row
         self._gpu.write(place.shot, words)
 
     def _curve(self, film: Film) -> Any:
@@ -194,6 +243,11 @@ class GpuCameras:
             self._gpu.write(curve, film.encode(steps).reshape(-1).view(np.uint32))
             self._curves[film.gamma] = curve
         return self._curves[film.gamma]
+
+
+def _lens_of(shot: Shot) -> tuple[object, ...]:
+    """What cameras that are taken together share."""
+    return id(shot.slopes), shot.width, shot.height, shot.fov_deg, shot.low, shot.high
 
 
 def _motion_words(motions: Motions) -> NDArray[np.float32]:

@@ -153,6 +153,7 @@ class Gpu:
         constants: WGSL of what kernels have to know of the card: whether it rounds a multiply-add
             once. Mesa's driver on the CPU rounds twice.
         device: wgpu's device.
+        largest: bytes of the largest buffer that a kernel can read or write.
         handing_over: held by who hands the card work.
     """
 
@@ -170,6 +171,8 @@ class Gpu:
             self.device: Any = adapter.request_device_sync(
                 required_features=[_WRITES_MEMORY], required_limits=limits
             )
+        buffer, binding = limits["max-buffer-size"], limits["max-storage-buffer-binding-size"]
+        self.largest = int(min(buffer, binding))
         self._native = Native(self.device)
         self.handing_over = threading.RLock()
         self._copiers = ThreadPoolExecutor(_COPIERS, thread_name_prefix="copier")

@@ -1,4 +1,4 @@
-"""The passes of a camera in a card's queue.
+"""The passes of cameras in a card's queue.
 
 A card waits between passes until the last ray has found its way. What comes of sun and sky is found
 in a pass of its own, where rays that go one way run side by side. Extra rays of pixels on edges are
@@ -21,20 +21,23 @@ from carstage_sim.render.gpu.native import Commands
 from carstage_sim.render.gpu.program import LOOPING, WRITES_HITS, CameraProgram
 from carstage_sim.render.gpu.transfer import Readback
 
-SHOT_WORDS = 76
-"""Words of ``Shot`` in ``shot.wgsl``."""
+MOST_CAMERAS = 8
+"""Cameras in ``Shot`` of ``shot.wgsl``."""
+SHOT_WORDS = 48 + 32 * MOST_CAMERAS
+"""Words of ``Shot``."""
 TILE = 8
 """Pixels along a side of what a work group takes."""
 _HIT_BYTES = 20
 _HEAD = 512
+_MOST_PIXELS = 5 << 20
+"""Of pictures that are made together: beyond, nothing is gained, and their buffers grow."""
 _MOST_BANDS = _HEAD // 2
 """As in ``batch.wgsl``."""
 _WRITING_GROUPS = 128
 """Work groups that write into the program's memory: as many as the way there takes, so that the
 rest of the card finds the light meanwhile."""
-_MOST_EXTRA = 1 << 21
-"""Extra rays of a camera that are under way at once: a picture that may have more is sampled in
-bands."""
+_MOST_EXTRA = 5 << 21
+"""Extra rays that are under way at once: pictures that may have more are sampled in bands."""
 
 
 class Product(IntFlag):
@@ -48,17 +51,21 @@ class Product(IntFlag):
     FLOW = 32
 
 
+_ORDER = (Product.FLOW, Product.DEPTH, Product.TAGS, Product.INSTANCES, Product.NORMALS)
+"""How a camera's pictures but the colours follow each other."""
+
+
 def bytes_per_pixel(product: Product) -> int:
     """Flow is two numbers of 32 bits, the others are B, G, R, A."""
     return 8 if product is Product.FLOW else 4
 
 
 class ColourBuffers:
-    """What the colours of a picture need beside its hits.
+    """What the colours of pictures need beside their hits.
 
     Args:
         gpu: the card.
-        size: width and height in pixels.
+        size: pixels of a row, and rows of all pictures.
         samples: extra rays of a pixel on an edge.
 
     Attributes:
@@ -66,12 +73,13 @@ class ColourBuffers:
         hits, light_of_extra, sampled, list: of extra rays: what they met, the light that comes
             there, their colours, and which they are.
         most: extra rays that there is room for.
-        bands: what a pass does for the extra rays, band after band of the picture.
+        bands: what a pass does for the extra rays, band after band of the pictures.
     """
 
     def __init__(self, gpu: Gpu, size: tuple[int, int], samples: int) -> None:
         width, height = size
-        rows = min(max(_MOST_EXTRA // (width * samples), 1), height)
+        most = min(_MOST_EXTRA, gpu.largest // _HIT_BYTES)
+        rows = min(max(most // (width * samples), 1), height)
         starts = range(0, height, rows)
         if len(starts) > _MOST_BANDS:
             raise ValueError(f"a picture of {width}x{height} pixels is too large for the card")
@@ -89,46 +97,54 @@ class ColourBuffers:
 
 
 class PictureBuffers:
-    """Buffers of cameras of one lens, one at a time, and the bind groups over them.
+    """Buffers of cameras of one lens, so many at a time, and the bind groups over them.
 
     Args:
         gpu: the card.
         size: width and height in pixels.
         slopes: ``(H * W, 2)`` of its lens.
         samples: extra rays of a pixel on an edge.
+        cameras: whose pictures are made together.
 
     Attributes:
         slopes_of: the array whose slopes are on the card.
-        pixels: of the picture.
-        invocations: one for each pixel of whole tiles.
+        cameras: how many.
+        pixels: of a picture.
+        invocations: one for each pixel of whole tiles of all pictures.
         whole: what a pass does for the rays through pixels' centres.
-        shot, slopes, hits, motions: of the camera.
+        shot, slopes, hits, motions: of the cameras.
         unused: what a pass is given that it does not touch for these rays.
         bound: the bind groups.
     """
 
     def __init__(
-        self, gpu: Gpu, size: tuple[int, int], slopes: NDArray[np.float64], samples: int
+        self,
+        gpu: Gpu,
+        size: tuple[int, int],
+        slopes: NDArray[np.float64],
+        samples: int,
+        cameras: int,
     ) -> None:
         width, height = size
-        pixels = self.pixels = width * height
+        self.pixels, self.cameras = width * height, cameras
+        pixels, rows = cameras * self.pixels, cameras * height
         self.slopes_of = slopes
-        self.invocations = -(-width // TILE) * -(-height // TILE) * TILE * TILE
-        self.slopes, self.hits = gpu.storage(16 * pixels), gpu.storage(_HIT_BYTES * pixels)
+        self.invocations = cameras * -(-width // TILE) * -(-height // TILE) * TILE * TILE
+        self.slopes, self.hits = gpu.storage(16 * self.pixels), gpu.storage(_HIT_BYTES * pixels)
         self.motions = gpu.storage(64)
         self.unused = [gpu.storage(4), gpu.storage(4)]
         self.shot = gpu.uniform(SHOT_WORDS * 4)
-        self.whole = _batch(gpu, 0, pixels, 0, height, 0)
+        self.whole = _batch(gpu, 0, pixels, 0, rows, 0)
         self.bound = BindGroups(gpu)
-        self._made_for = (gpu, size, samples)
+        self._made_for = (gpu, (width, rows), samples)
         gpu.write(self.slopes, np.stack(split(slopes), axis=2))
 
     @cached_property
     def of_colours(self) -> ColourBuffers:
-        """Made for the first camera that wants colours.
+        """Made for the first cameras that want colours.
 
         Raises:
-            ValueError: the picture is too large.
+            ValueError: a picture is too large.
         """
         return ColourBuffers(*self._made_for)
 
@@ -146,21 +162,30 @@ def _batch(gpu: Gpu, *words: int) -> Any:
     return buffer
 
 
+def most_together(gpu: Gpu, pixels: int) -> int:
+    """How many cameras with so many pixels may have their pictures made together."""
+    room = min(_MOST_PIXELS, gpu.largest // _HIT_BYTES) // pixels
+    return min(max(room, 1), MOST_CAMERAS)
+
+
 class Exposure:
-    """The passes of one camera.
+    """The passes of cameras of one lens, whose pictures are made together.
 
     Args:
         caster: the card and the scene on it.
         program: the pipelines.
-        place: the camera's buffers.
-        products: what is asked for.
+        place: the cameras' buffers.
+        products: what is asked for of each.
         curve: of the film.
 
     Attributes:
         gpu: the card.
-        parts: where in the read-back each picture begins, and its bytes; the colours come last.
+        words: of a camera's pictures but the colours.
+        parts: of each camera, where in the read-back each picture begins, and its bytes; colours of
+            all cameras come last.
         readback: where they arrive.
-        coloured: whether colours are asked for.
+        colours_at: where in the read-back the colours begin.
+        coloured: whether they are asked for.
         has_others: whether other pictures are.
         lends: whether extra rays take colours of pixels beside them.
     """
@@ -175,13 +200,20 @@ class Exposure:
     ) -> None:
         self.gpu, self._program, self.place = caster.gpu, program, place
         self.coloured, self.lends = Product.COLOURS in products, program.lends
-        others = sorted(product for product in products if product is not Product.COLOURS)
-        self.parts: dict[Product, tuple[int, int]] = {}
+        others = [product for product in _ORDER if product in products]
+        self.parts: list[dict[Product, tuple[int, int]]] = [{} for _ in range(place.cameras)]
         end = 0
-        for product in [*others, *([Product.COLOURS] if self.coloured else [])]:
-            size = place.pixels * bytes_per_pixel(product)
-            self.parts[product] = (end, size)
-            end += size
+        for part in self.parts:
+            for product in others:
+                size = place.pixels * bytes_per_pixel(product)
+                part[product] = (end, size)
+                end += size
+        self.colours_at = end
+        if self.coloured:
+            for part in self.parts:
+                part[Product.COLOURS] = (end, 4 * place.pixels)
+                end += 4 * place.pixels
+        self.words = self.colours_at // 4 // place.cameras
         self.has_others = bool(others)
         self.readback: Readback = self.gpu.readback(end)
         self._scene = place.bound.of("scene", caster.scene_layout, caster.geometry.buffers)
@@ -239,7 +271,7 @@ class Exposure:
 
 
 def begin(one: Exposure) -> None:
-    """Let a card cast the rays of a camera; what else its passes read may be brought meanwhile."""
+    """Let a card cast the cameras' rays; what else their passes read may be brought meanwhile."""
     commands = one.gpu.commands()
     if one.coloured:
         made = one.place.of_colours
@@ -266,6 +298,6 @@ def finish(one: Exposure) -> int:
             one.run(commands, "reach", band, extra=True)
             one.run(commands, "shade", band, extra=True)
             one.run(commands, "blend_edges", band)
-        start, size = one.parts[Product.COLOURS]
-        commands.copy(made.picture, 0, one.readback.buffer, start, size)
+        size = 4 * one.place.pixels * one.place.cameras
+        commands.copy(made.picture, 0, one.readback.buffer, one.colours_at, size)
     return commands.submit()

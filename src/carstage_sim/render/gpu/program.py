@@ -171,7 +171,7 @@ class CameraProgram:
             "row": Array("hit_row", "i32", 1),
             "triangle": Array("hit_triangle", "i32", 1),
             "weights": Array("hit_weight", "f32", 2),
-            "skip": Value("shot.skip", "i32"),
+            "skip": Value("shot.aims[the_camera].skip", "i32"),
             "pixel_angle": Value("shot.angle", "f32"),
         }
         return {

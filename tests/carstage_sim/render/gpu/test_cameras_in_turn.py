@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -52,22 +53,22 @@ def taken(software_gpu):
         frame = sensors.frame_of(state)
         still = no_motion(len(frame.actor_id))
 
-        def take(shot, products, film=None):
-            return cameras.take(frame, shot, products, light, film=film, motions=still)
+        def take(shots, products, film=None):
+            return cameras.take(frame, shots, products, light, film=film, motions=still)
 
         yield take
 
 
 def test_cameras_of_one_lens_get_what_each_gets_alone(taken):
     wanted = [
-        (shot(0.0), list(Product)),
-        (shot(72.0), [Product.COLOURS]),
-        (shot(0.0), [Product.COLOURS, Product.DEPTH], Film(gamma=1.4)),
-        (shot(-72.0), [Product.TAGS]),
+        ([shot(0.0)], list(Product)),
+        ([shot(72.0)], [Product.COLOURS]),
+        ([shot(0.0)], [Product.COLOURS, Product.DEPTH], Film(gamma=1.4)),
+        ([shot(-72.0)], [Product.TAGS]),
     ]
-    alone = [taken(*one).pictures() for one in wanted]
+    alone = [taken(*one).pictures()[0] for one in wanted]
     under_way = [taken(*one) for one in wanted]
-    together = [pending.pictures() for pending in under_way]
+    together = [pending.pictures()[0] for pending in under_way]
     assert len(np.unique(alone[0][Product.COLOURS])) > 50
     assert not np.array_equal(alone[0][Product.COLOURS], alone[2][Product.COLOURS])
     for one, other in zip(alone, together, strict=True):
@@ -76,11 +77,41 @@ def test_cameras_of_one_lens_get_what_each_gets_alone(taken):
             assert np.array_equal(picture, other[product]), product
 
 
+@pytest.mark.parametrize("most_extra", [passes._MOST_EXTRA, 7 * WIDTH * 2 + 5])
+def test_cameras_taken_together_get_what_each_gets_alone(taken, monkeypatch, most_extra):
+    # With less room, extra rays go in bands of seven rows, some of which have rows of two cameras.
+    monkeypatch.setattr(passes, "_MOST_EXTRA", most_extra)
+    lens, products = slopes(), [Product.COLOURS, Product.INSTANCES, Product.DEPTH, Product.NORMALS]
+    within = replace(shot(30.0, lens), location=np.array([8.0, 1.0, 0.7]), skip_row=0)
+    shots = [shot(0.0, lens), within, shot(-100.0, lens)]
+    together = taken(shots, products).pictures()
+    alone = [taken([one], products).pictures()[0] for one in shots]
+    assert len(together) == 3
+    for one, other in zip(together, alone, strict=True):
+        assert (
+            list(one)
+            == list(other)
+            == [*products[2:3], *products[1:2], *products[3:], *products[:1]]
+        )
+        for product, picture in one.items():
+            assert np.array_equal(picture, other[product]), product
+    assert len({picture[Product.COLOURS].tobytes() for picture in together}) == 3
+
+
+def test_cameras_that_have_no_pictures_in_common_are_refused(taken):
+    with pytest.raises(ValueError, match="several lenses"):
+        taken([shot(0.0), shot(0.0, slopes())], [Product.COLOURS])
+    with pytest.raises(ValueError, match="2 cameras at once"):
+        taken([shot(0.0), shot(72.0)], [Product.COLOURS, Product.FLOW])
+    with pytest.raises(ValueError, match="9 cameras at once"):
+        taken([shot(40.0 * k) for k in range(9)], [Product.COLOURS])
+
+
 def test_a_picture_sampled_in_bands_is_the_same(taken, monkeypatch):
-    whole = taken(shot(0.0), [Product.COLOURS]).pictures()
+    whole = taken([shot(0.0)], [Product.COLOURS]).pictures()[0]
     # Room for the extra rays of seven rows: the last band has fewer.
     monkeypatch.setattr(passes, "_MOST_EXTRA", 7 * WIDTH * 2 + 5)
-    banded = taken(shot(0.0, slopes()), [Product.COLOURS]).pictures()
+    banded = taken([shot(0.0, slopes())], [Product.COLOURS]).pictures()[0]
     assert np.array_equal(whole[Product.COLOURS], banded[Product.COLOURS])
 
 
@@ -88,10 +119,12 @@ def test_a_picture_of_too_many_bands_is_refused(taken, monkeypatch):
     monkeypatch.setattr(passes, "_MOST_EXTRA", 1)
     monkeypatch.setattr(passes, "_MOST_BANDS", 16)
     with pytest.raises(ValueError, match="128x80 pixels is too large"):
-        taken(shot(0.0, slopes()), [Product.COLOURS])
+        taken([shot(0.0, slopes())], [Product.COLOURS])
 
 
-def test_frames_that_are_under_way_at_once_are_those_made_one_after_the_other(software_gpu):
+def test_frames_that_are_under_way_at_once_are_those_made_one_after_the_other(
+    software_gpu, monkeypatch
+):
     place = sensor_worlds.town(sensor_worlds.GROUND, sensor_worlds.WALL)
     requests = [
         sensor_worlds.request("camera.rgb", 1),
@@ -128,4 +161,7 @@ def test_frames_that_are_under_way_at_once_are_those_made_one_after_the_other(so
     with WorldSensors(place, threads=3, gpu=software_gpu) as sensors:
         alone = made(sensors, at_once=False)
         assert len(alone) == 4 + 2 + 4 + 4 + 2
+        assert made(sensors, at_once=True) == alone
+        # Both colour cameras are made by the same passes where both are due.
+        monkeypatch.setattr(passes, "MOST_CAMERAS", 1)
         assert made(sensors, at_once=True) == alone

@@ -3,7 +3,7 @@
 struct Batch {
   listed: u32,     // whether they are those of the list
   room: u32,       // rays that `hits` has room for
-  first_row: u32,  // half-open range of rows whose edges are sampled together: a band
+  first_row: u32,  // half-open range of the rows of all cameras whose edges are sampled together: a band
   last_row: u32,
   band: u32,       // its number
 }

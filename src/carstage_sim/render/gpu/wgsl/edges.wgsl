@@ -3,11 +3,14 @@
 @group(3) @binding(2) var<storage, read> codes: array<u32>;         // of one ray each
 @group(3) @binding(3) var<storage, read_write> edges: array<u32>;   // two words each, see edge.wgsl
 
+// Of `the_camera`.
+fn first_pixel() -> u32 { return the_camera * pixel_count(); }
+
 fn code_at(y: i32, x: i32, channel: i32) -> i32 {
-  return i32((codes[u32(y) * shot.width + u32(x)] >> u32(16 - 8 * channel)) & 255u);
+  return i32((codes[first_pixel() + u32(y) * shot.width + u32(x)] >> u32(16 - 8 * channel)) & 255u);
 }
-fn hit_row(i: i32) -> i32 { return bitcast<i32>(hits[pixel_count() + u32(i)]); }
-fn hit_triangle(i: i32) -> i32 { return bitcast<i32>(hits[2u * pixel_count() + u32(i)]); }
+fn hit_row(i: i32) -> i32 { return bitcast<i32>(hits[pixels_of_all() + u32(i)]); }
+fn hit_triangle(i: i32) -> i32 { return bitcast<i32>(hits[2u * pixels_of_all() + u32(i)]); }
 fn leaf_at(i: i32) -> i32 { return LEAF(i); }
 
 fn differ(y: i32, x: i32, v: i32, u: i32) -> bool {
@@ -15,8 +18,8 @@ fn differ(y: i32, x: i32, v: i32, u: i32) -> bool {
     return false;
   }
   let apart = APART(y, x, v, u);
-  let i = y * i32(shot.width) + x;
-  let j = v * i32(shot.width) + u;
+  let i = i32(first_pixel()) + y * i32(shot.width) + x;
+  let j = i32(first_pixel()) + v * i32(shot.width) + u;
   return apart > shot.strong || (apart > shot.weak && UNLIKE(i, j));
 }
 
@@ -24,17 +27,18 @@ fn is_even(y: i32, x: i32) -> bool {
   if (!BLENDS || y < 1 || x < 1 || y + 1 >= i32(shot.height) || x + 1 >= i32(shot.width)) {
     return false;
   }
-  return IS_EVEN(y * i32(shot.width) + x, i32(shot.width));
+  return IS_EVEN(i32(first_pixel()) + y * i32(shot.width) + x, i32(shot.width));
 }
 
 // Whether the four pixels around a place show one surface: then it has the colour between theirs.
-fn is_amid_its_like(i: i32, offset: vec2f) -> bool {
+fn is_amid_its_like(y: i32, x: i32, offset: vec2f) -> bool {
   let width = i32(shot.width);
   let to = steps_of(offset);
-  let other = vec2i(i % width, i / width) + to;
+  let other = vec2i(x, y) + to;
   if (!BLENDS || any(other < vec2i(0)) || other.x >= width || other.y >= i32(shot.height)) {
     return false;
   }
+  let i = i32(first_pixel()) + y * width + x;
   let below = i + to.y * width;
   return ALIKE(i, i + to.x) && ALIKE(i, below) && ALIKE(i, below + to.x);
 }
@@ -57,9 +61,11 @@ fn find_edges(
   }
   workgroupBarrier();
   let i = pixel_in_tiles(linear_index(id, groups));
-  let y = i32(i / shot.width);
+  the_camera = i / pixel_count();
+  let row = i / shot.width;
+  let y = i32(row - the_camera * shot.height);
   let x = i32(i % shot.width);
-  var is_edge = i < pixel_count() && u32(y) >= batch.first_row && u32(y) < batch.last_row;
+  var is_edge = i < pixels_of_all() && row >= batch.first_row && row < batch.last_row;
   var even = false;
   var traced = 0u;
   if (is_edge) {
@@ -70,7 +76,7 @@ fn find_edges(
   }
   if (is_edge && !even) {
     for (var k = 0u; k < shot.samples; k++) {
-      traced |= select(1u << k, 0u, is_amid_its_like(i32(i), shot.offsets[k].xy));
+      traced |= select(1u << k, 0u, is_amid_its_like(y, x, shot.offsets[k].xy));
     }
   }
   let edge = atomicAdd(&edges_found, select(0u, 1u, is_edge));

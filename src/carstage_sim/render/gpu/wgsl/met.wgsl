@@ -10,7 +10,7 @@ fn take_hit() {
     bitcast<f32>(hits[3u * n + i]), bitcast<f32>(hits[4u * n + i]));
 }
 
-fn ray_origin(axis: i32) -> f32 { return shot.origin[axis]; }
+fn ray_origin(axis: i32) -> f32 { return shot.aims[the_camera].origin[axis]; }
 fn ray_direction(i: i32, axis: i32) -> f32 { return the_ray[axis]; }
 fn hit_t(i: i32) -> f32 { return the_hit.t; }
 fn hit_row(i: i32) -> i32 { return the_hit.row; }

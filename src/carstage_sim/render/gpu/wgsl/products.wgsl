@@ -1,6 +1,6 @@
-// Pictures of what a camera's pixels met, in CARLA's formats: B, G, R, A a word.
+// Pictures of what the cameras' pixels met, in CARLA's formats: B, G, R, A a word.
 
-@group(3) @binding(0) var<storage, read_write> pixels: array<u32>;  // product after product
+@group(3) @binding(0) var<storage, read_write> pixels: array<u32>;  // of each camera product after product
 @group(3) @binding(1) var<storage, read> motions: array<vec4f>;     // as carstage_sim.render.gpu.camera writes them
 
 const DEPTH: u32 = 2u;
@@ -13,8 +13,8 @@ const BEHIND: f32 = 1e-9;
 const SKY_TAG: u32 = 11u;
 const OPAQUE: u32 = 0xff000000u;
 
-fn row_of(i: u32) -> i32 { return bitcast<i32>(hits[pixel_count() + i]); }
-fn triangle_of(i: u32) -> i32 { return bitcast<i32>(hits[2u * pixel_count() + i]); }
+fn row_of(i: u32) -> i32 { return bitcast<i32>(hits[pixels_of_all() + i]); }
+fn triangle_of(i: u32) -> i32 { return bitcast<i32>(hits[2u * pixels_of_all() + i]); }
 
 fn tag_of(i: u32) -> u32 {
   let row = row_of(i);
@@ -44,8 +44,8 @@ fn normal_of(i: u32) -> vec3f {
   if (row == -2) {
     return vec3f(0.0);
   }
-  let u = bitcast<f32>(hits[3u * pixel_count() + i]);
-  let v = bitcast<f32>(hits[4u * pixel_count() + i]);
+  let u = bitcast<f32>(hits[3u * pixels_of_all() + i]);
+  let v = bitcast<f32>(hits[4u * pixels_of_all() + i]);
   let d = normalize(centre_direction(i));
   let n = FACING(row < 0, row, triangle_of(i), u, v, d.x, d.y, d.z);
   return vec3f(n.m0, n.m1, n.m2);
@@ -65,7 +65,7 @@ fn depth_code(i: u32) -> u32 {
 fn flow_of(i: u32) -> vec2f {
   let row = row_of(i);
   let first = select(0u, 4u * u32(row + 1), row >= 0);
-  let slope = slopes[i].xz;
+  let slope = slopes[i - the_camera * pixel_count()].xz;
   let near = select(1.0 / bitcast<f32>(hits[i]), 0.0, row == -2);
   let at = vec4f(1.0, slope, near);
   var ahead = dot(motions[first], at);
@@ -73,8 +73,8 @@ fn flow_of(i: u32) -> vec2f {
   let bend = motions[first + 3u];
   if (bend.y != 0.0) {
     let corner = u32(bitcast<i32>(bend.x) + 3 * triangle_of(i));
-    let u = bitcast<f32>(hits[3u * pixel_count() + i]);
-    let v = bitcast<f32>(hits[4u * pixel_count() + i]);
+    let u = bitcast<f32>(hits[3u * pixels_of_all() + i]);
+    let v = bitcast<f32>(hits[4u * pixels_of_all() + i]);
     let by = motions[corner] * u + motions[corner + 1u] * v + motions[corner + 2u] * (1.0 - u - v);
     ahead += by.x * near;
     change += by.yz * near;
@@ -86,8 +86,18 @@ fn flow_of(i: u32) -> vec2f {
 }
 
 // All pictures that are wanted but the colours, one behind the other.
-fn write_products(i: u32, n: u32) {
-  var at = i;
+fn write_products(i: u32) {
+  let n = pixel_count();
+  the_camera = i / n;
+  let place = i - the_camera * n;
+  var at = the_camera * shot.words + place;
+  if ((shot.wanted & FLOW) != 0u) {
+    // Its two words are beside each other.
+    let moved = flow_of(i);
+    pixels[at + place] = bitcast<u32>(moved.x);
+    pixels[at + place + 1u] = bitcast<u32>(moved.y);
+    at += 2u * n;
+  }
   if ((shot.wanted & DEPTH) != 0u) {
     pixels[at] = depth_code(i);
     at += n;
@@ -106,18 +116,12 @@ fn write_products(i: u32, n: u32) {
     pixels[at] = OPAQUE | (code.x << 16u) | (code.y << 8u) | code.z;
     at += n;
   }
-  if ((shot.wanted & FLOW) != 0u) {
-    let moved = flow_of(i);
-    pixels[at + i] = bitcast<u32>(moved.x);
-    pixels[at + i + 1u] = bitcast<u32>(moved.y);
-  }
 }
 
 @compute @workgroup_size(64)
 fn products(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-  let n = pixel_count();
   let lanes = groups.x * groups.y * 64u;
-  for (var i = linear_index(id, groups); i < n; i += lanes) {
-    write_products(i, n);
+  for (var i = linear_index(id, groups); i < pixels_of_all(); i += lanes) {
+    write_products(i);
   }
 }

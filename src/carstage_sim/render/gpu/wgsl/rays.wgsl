@@ -1,4 +1,4 @@
-// The rays of a camera.
+// The rays of the cameras.
 
 // Keeps a compiler from rearranging what is exact only in this order.
 fn kept(x: vec3f) -> vec3f {
@@ -31,18 +31,19 @@ fn rest_of_product(a: vec3f, b: f32, product: vec3f) -> vec3f {
   return kept(kept(upper + kept(a_high * b_low)) + kept(a_low * b_high)) + kept(a_low * b_low);
 }
 
-// Direction through a pixel's centre whose part along the optical axis is 1, so that the ray's
+// Direction through the centre of a pixel of `the_camera` whose part along the optical axis is 1, so that the ray's
 // parameter is the depth. Rounded once, as on the CPU: a ray that passes an edge passes it there too.
 fn centre_direction(pixel: u32) -> vec3f {
-  let slope = slopes[pixel];
-  let across = kept(shot.right.xyz * slope.x);
-  let across_rest = rest_of_product(shot.right.xyz, slope.x, across)
-    + (shot.right.xyz * slope.y + shot.right_rest.xyz * slope.x);
-  let upwards = kept(shot.up.xyz * slope.z);
-  let upwards_rest = rest_of_product(shot.up.xyz, slope.z, upwards)
-    + (shot.up.xyz * slope.w + shot.up_rest.xyz * slope.z);
-  let sum = kept(shot.forward.xyz + across);
+  let slope = slopes[pixel - the_camera * pixel_count()];
+  let aim = shot.aims[the_camera];
+  let across = kept(aim.right.xyz * slope.x);
+  let across_rest = rest_of_product(aim.right.xyz, slope.x, across)
+    + (aim.right.xyz * slope.y + aim.right_rest.xyz * slope.x);
+  let upwards = kept(aim.up.xyz * slope.z);
+  let upwards_rest = rest_of_product(aim.up.xyz, slope.z, upwards)
+    + (aim.up.xyz * slope.w + aim.up_rest.xyz * slope.z);
+  let sum = kept(aim.forward.xyz + across);
   let total = kept(sum + upwards);
-  let rest = lost(shot.forward.xyz, across, sum) + lost(sum, upwards, total);
-  return total + (rest + (across_rest + upwards_rest + shot.forward_rest.xyz));
+  let rest = lost(aim.forward.xyz, across, sum) + lost(sum, upwards, total);
+  return total + (rest + (across_rest + upwards_rest + aim.forward_rest.xyz));
 }

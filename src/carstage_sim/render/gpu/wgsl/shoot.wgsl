@@ -1,4 +1,4 @@
-// Nearest hits of a camera's rays.
+// Nearest hits of the cameras' rays.
 
 @compute @workgroup_size(64)
 fn shoot(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
@@ -8,7 +8,8 @@ fn shoot(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) grou
     if (!takes_ray(k)) {
       continue;
     }
-    let hit = trace(shot.origin.xyz, the_ray, shot.low, shot.high, shot.skip, false);
+    let aim = shot.aims[the_camera];
+    let hit = trace(aim.origin.xyz, the_ray, shot.low, shot.high, aim.skip, false);
     let i = the_place;
     hits[i] = bitcast<u32>(hit.t);
     hits[n + i] = bitcast<u32>(hit.row);

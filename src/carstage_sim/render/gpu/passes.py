@@ -37,7 +37,8 @@ _WRITING_GROUPS = 128
 """Work groups that write into the program's memory: as many as the way there takes, so that the
 rest of the card finds the light meanwhile."""
 _MOST_EXTRA = 5 << 21
-"""Extra rays that are under way at once: pictures that may have more are sampled in bands."""
+"""Extra rays that are under way at once, fewer than ``edge.wgsl`` has bits for: pictures that may
+have more are sampled in bands."""
 
 
 class Product(IntFlag):

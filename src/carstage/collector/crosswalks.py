@@ -97,7 +97,11 @@ def crosswalks(world_map: Any, lights: Sequence[Any] = ()) -> List[Crosswalk]:
 
 
 def outlines(corners: List[Any]) -> List[List[Any]]:
-    """Split ``carla.Map.get_crosswalks()``: each outline ends with its own first corner.
+    """Split ``carla.Map.get_crosswalks()``: an outline ends with its own first corner.
+
+    OpenDRIVE lets a closed outline leave that corner out, and the client tells corners as they are
+    in the file. What lies between two outlines that end so is taken for rectangles; where it can
+    be none, it is one outline, or left out if it is too long for that.
 
     Returns:
         ``carla.Location`` of the corners of each, without the repeated one.
@@ -105,12 +109,21 @@ def outlines(corners: List[Any]) -> List[List[Any]]:
     found: List[List[Any]] = []
     outline: List[Any] = []
     for corner in corners:
-        if len(outline) > 2 and corner.distance(outline[0]) < _SAME_M:
-            found.append(outline)
-            outline = []
+        for first in range(len(outline) - 3, -1, -1):
+            if corner.distance(outline[first]) < _SAME_M:
+                found += [*_unrepeated(outline[:first]), outline[first:]]
+                outline = []
+                break
         else:
             outline.append(corner)
-    return found
+    return found + _unrepeated(outline)
+
+
+def _unrepeated(corners: List[Any]) -> List[List[Any]]:
+    """Outlines, one after the other, that do not repeat their first corner."""
+    if len(corners) % 4 == 0:
+        return [corners[first : first + 4] for first in range(0, len(corners), 4)]
+    return [corners] if 2 < len(corners) < 8 else []
 
 
 def crossing_ways(

@@ -89,6 +89,24 @@ def test_outlines_end_with_their_first_corner() -> None:
     ]
 
 
+@pytest.mark.parametrize("closed", [(), (0,), (1,), (2,), (0, 2), (0, 1)])
+def test_outlines_that_do_not_repeat_their_first_corner_end_too(closed: tuple[int, ...]) -> None:
+    walks = [[(x, 0), (x + 4, 0), (x + 4, 8), (x, 8)] for x in (0, 20, 40)]
+    given = [[*walk, walk[0]] if n in closed else walk for n, walk in enumerate(walks)]
+    corners = [carla.Location(float(x), float(y), 0.0) for walk in given for x, y in walk]
+    found = outlines(corners)
+    assert [[(corner.x, corner.y) for corner in outline] for outline in found] == walks
+
+
+def test_corners_that_cannot_be_told_apart_are_no_crosswalk() -> None:
+    closed = [(0, 0), (4, 0), (4, 8), (0, 0)]
+    of_six, of_nine = ([(20 + 2 * k, 7 * (k % 2)) for k in range(n)] for n in (6, 9))
+    for lost, kept in ((of_nine, []), (of_six, [of_six])):
+        corners = [carla.Location(float(x), float(y), 0.0) for x, y in (*lost, *closed)]
+        found = [[(corner.x, corner.y) for corner in outline] for outline in outlines(corners)]
+        assert found == [*kept, closed[:3]]
+
+
 def test_ways_lead_over_crosswalks_before_the_ego() -> None:
     start = carla.Transform(carla.Location(-30.0, 2.0, 0.0), carla.Rotation(0.0, 0.0, 0.0))
     before, behind, far = crosswalk(x=0.0), crosswalk(x=-50.0), crosswalk(x=500.0)

@@ -13,7 +13,7 @@ import pyarrow.compute as pc
 from carstage.dataset import Dataset, Episode
 from carstage.dataset.ledger import recorded_frames
 from carstage.dataset.saved_frames import Damage
-from carstage.errors import CarStageError
+from carstage.errors import CarStageError, DatasetError
 from carstage.exporters.classes import CLASSES
 from carstage.files.bounded import open_regular
 from carstage.files.hashing import hash_of_file
@@ -37,6 +37,7 @@ class Completeness:
         damage: by episode, the sensors' and labels' files that are missing or changed.
         agent_damage: by episode and agent beside the ego, likewise; where those are exported, too.
         labels: number of label rows by class and blueprint, the ego's left out.
+        lost_maps: ids of the episodes whose vector map is missing or damaged, if it was asked for.
     """
 
     problems: tuple[Problem, ...]
@@ -44,6 +45,7 @@ class Completeness:
     damage: Mapping[str, Damage]
     labels: Mapping[tuple[str, str], int]
     agent_damage: Mapping[str, Mapping[str, Damage]]
+    lost_maps: frozenset[str] = frozenset()
 
     @property
     def unknown_classes(self) -> dict[str, int]:
@@ -65,7 +67,11 @@ class Completeness:
 
 
 def examine(
-    dataset: Dataset, progress: Progress | None = None, *, with_agents: bool = False
+    dataset: Dataset,
+    progress: Progress | None = None,
+    *,
+    with_agents: bool = False,
+    with_maps: bool = False,
 ) -> Completeness:
     """Compare every committed file with its marker, and the ledger with what was asked for.
 
@@ -75,6 +81,7 @@ def examine(
         dataset: the dataset.
         progress: called with (frames, frames in all).
         with_agents: also look at what agents beside the ego recorded.
+        with_maps: also look at the vector maps of the towns.
     """
     problems: list[Problem] = []
     damage: dict[str, Damage] = {}
@@ -83,6 +90,7 @@ def examine(
     views = [v for e in dataset.episodes for v in (_views(e) if with_agents else (e,))]
     labels: Counter[tuple[str, str]] = Counter()
     whole: set[str] = set()
+    maps = _VectorMaps()
     total, done = sum(view.frames for view in views), 0
     if not dataset.episodes:
         findings = Findings(None)
@@ -105,6 +113,8 @@ def examine(
                 labels += _labels(episode)
                 if not changed & {*DOCUMENTS, *TABLES}:
                     check_row_sensors(episode, ledger, recorded, findings)
+                    if with_maps:
+                        maps.check(episode, findings)
                     is_whole = True
             except CarStageError as error:
                 findings.add("unreadable", str(error))
@@ -113,7 +123,32 @@ def examine(
             done += episode.frames
             if progress is not None:
                 progress(done, total)
-    return Completeness(tuple(problems), frozenset(whole - broken), damage, labels, agent_damage)
+    return Completeness(
+        tuple(problems), frozenset(whole - broken), damage, labels, agent_damage, maps.lost
+    )
+
+
+class _VectorMaps:
+    """Reads each map once, and reports it once, however many episodes name it."""
+
+    def __init__(self) -> None:
+        self._whole: dict[DatasetPath, bool] = {}
+        self.lost: frozenset[str] = frozenset()
+
+    def check(self, episode: Episode, findings: Findings) -> None:
+        """The episode's map is there, and is what its name says."""
+        path = episode.vector_map_file
+        if path is None:
+            return
+        if path not in self._whole:
+            self._whole[path] = True
+            try:
+                episode.vector_map()
+            except DatasetError as error:
+                self._whole[path] = False
+                findings.add("vector_map", str(error))
+        if not self._whole[path]:
+            self.lost |= {episode.id}
 
 
 def _views(episode: Episode) -> tuple[Episode, ...]:

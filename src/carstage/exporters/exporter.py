@@ -60,19 +60,23 @@ class Exporter(ABC):
             formats that say they hold every sensor.
         with_agents: whether it writes what agents beside the ego recorded, too; other formats have
             one car in a frame, and users choose whose.
+        with_maps: whether it writes vector maps; those of a dataset are then examined, too.
         splits: the split of each episode by its id, set before ``begin``; see ``split_of``.
+        lost_maps: ids of the episodes whose vector map is missing or damaged, set likewise.
     """
 
     name: ClassVar[str]
     summary: ClassVar[str]
     uses: ClassVar[frozenset[str]]
     with_agents: ClassVar[bool] = False
+    with_maps: ClassVar[bool] = False
 
     def __init__(self, options: ExportOptions) -> None:
         self.options = options
         self.files = ExitStack()
         self.sensors_left_out: Counter[str] = Counter()
         self.splits: Mapping[str, Split] = {}
+        self.lost_maps: frozenset[str] = frozenset()
 
     def split_of(self, episode: Episode) -> Split:
         """The split of an episode: ``train`` unless the dataset or the user says otherwise."""

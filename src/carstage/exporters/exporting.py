@@ -120,7 +120,7 @@ def export_dataset(
     exporter = exporter_for(format_name, options or ExportOptions())
     _check_target(target, source.path, overwrite=overwrite)
     chosen = _chosen(source, exporter.options)
-    found = examine(chosen, _of_phase("Checking", progress), with_agents=exporter.with_agents)
+    found = _examined(chosen, exporter, _of_phase("Checking", progress))
     if not found.complete and not allow_incomplete:
         raise BadInputError(_refusal(found), "Repair it, or add --allow-incomplete.")
     episodes = tuple(episode for episode in chosen.episodes if episode.id in found.whole)
@@ -129,7 +129,7 @@ def export_dataset(
             f"The dataset {source.path} has no whole episode.", "Record one: carstage run."
         )
     splits = _splits(source, episodes, exporter)
-    exporter.splits = splits.episodes
+    exporter.splits, exporter.lost_maps = splits.episodes, found.lost_maps
     with _new_folder(target) as folder:
         frames = _write(
             exporter, episodes, folder, found, workers, _of_phase("Exporting", progress)
@@ -144,7 +144,7 @@ def export_dataset(
             unknown_classes=found.unknown_classes,
             classes_left_out=_without_target(found, exporter.options.class_map),
             splits=splits.counts,
-            warnings=splits.warnings,
+            warnings=(*splits.warnings, *_lost_maps(episodes, found)),
             sensors_left_out=dict(sorted(exporter.sensors_left_out.items())),
             problems=found.problems,
         )
@@ -173,6 +173,11 @@ def _chosen(source: Dataset, options: ExportOptions) -> Dataset:
     return chosen if options.agent is None else chosen.as_agent(options.agent)
 
 
+def _examined(chosen: Dataset, exporter: Exporter, progress: Progress | None) -> Completeness:
+    """What the dataset lacks of all that the format may write."""
+    return examine(chosen, progress, with_agents=exporter.with_agents, with_maps=exporter.with_maps)
+
+
 def _check_target(out: DatasetPath, dataset: DatasetPath, *, overwrite: bool) -> None:
     if isinstance(out, RemotePath):
         check_remote_target(out, dataset, overwrite=overwrite)
@@ -197,6 +202,12 @@ def _without_target(found: Completeness, class_map: ClassMap | None) -> dict[str
     return found.rows_by_class(
         lambda name, blueprint: name in CLASSES and class_map.target(name, blueprint) is None
     )
+
+
+def _lost_maps(episodes: Sequence[Episode], found: Completeness) -> tuple[str, ...]:
+    lost = (episode for episode in episodes if episode.id in found.lost_maps)
+    towns = {Path(episode.document["map"]).name for episode in lost}
+    return tuple(f"A vector map of {town} is lost; it was left out." for town in sorted(towns))
 
 
 def _of_phase(

@@ -16,7 +16,15 @@ import pytest
 from typer.testing import CliRunner
 
 import analytic_scene
-from analytic_dataset import SIZE, attempt_of, edit_rows, make_dataset, recommit
+import small_maps
+from analytic_dataset import (
+    SIZE,
+    add_vector_map,
+    attempt_of,
+    edit_rows,
+    make_dataset,
+    recommit,
+)
 from carstage.cli.app import app
 from carstage.dataset import Dataset
 from carstage.errors import BadInputError
@@ -169,6 +177,29 @@ def test_voxels_that_are_lost_are_left_out_when_that_is_allowed(
     made = export_dataset(name, dataset, out, options, allow_incomplete=True, workers=0)
     assert made.frames == 6
     assert len([*out.glob(voxels)]) == left
+
+
+@pytest.mark.parametrize("found", [None, b"PAR1 and what else was there"])
+@pytest.mark.parametrize(("name", "place"), [("123d", "maps"), ("nuscenes", "maps/expansion")])
+def test_a_map_that_is_lost_is_left_out_when_that_is_allowed(
+    copy: Path, tmp_path: Path, name: str, place: str, found: bytes | None
+) -> None:
+    add_vector_map(copy, small_maps.document(small_maps.road(1, 0.0, 0.0, 0.0, 100.0)))
+    out = tmp_path / "out"
+    export_dataset(name, copy, out, workers=0)
+    assert (out / place).is_dir()
+    (lost,) = (copy / "maps").glob("*.parquet")
+    lost.unlink()
+    if found is not None:
+        lost.write_bytes(found)
+    with pytest.raises(BadInputError, match=lost.name):
+        export_dataset(name, copy, out, overwrite=True, workers=0)
+    made = export_dataset(name, copy, out, overwrite=True, allow_incomplete=True, workers=0)
+    assert made.frames == 6
+    assert [problem.check for problem in made.problems] == ["vector_map"]
+    assert any("map of Analytic01 is lost" in one for one in made.warnings)
+    assert not (out / place).exists()
+    assert export_dataset("coco", copy, tmp_path / "coco", workers=0).problems == ()
 
 
 def test_an_episode_with_a_damaged_table_cannot_be_exported(copy: Path, tmp_path: Path) -> None:

@@ -61,6 +61,7 @@ class Logs123d(Exporter):
 
     name: ClassVar = "123d"
     summary: ClassVar = "123D: Arrow logs that py123d reads, a log per episode."
+    with_maps: ClassVar = True
     uses: ClassVar = frozenset(
         {"cameras", "classes", "max_distance_m", "min_lidar_points", "test_share", "val_share"}
     )
@@ -93,7 +94,7 @@ class Logs123d(Exporter):
         in its own folder, where py123d looks first.
         """
         file = episode.vector_map_file
-        if file is None:
+        if file is None or episode.id in self.lost_maps:
             return None
         about = map_metadata(DATASET, town, FORMAT)
         path = self._folder / "maps" / DATASET / f"{DATASET}_{town}.arrow"

@@ -40,6 +40,7 @@ class NuScenes(Exporter):
 
     name: ClassVar = "nuscenes"
     summary: ClassVar = "nuScenes: key frames, sweeps, lidarseg, panoptic, CAN bus, map expansion."
+    with_maps: ClassVar = True
     uses: ClassVar = frozenset(
         {
             "cameras", "lidar", "min_lidar_points", "max_distance_m", "val_share", "test_share",
@@ -67,7 +68,11 @@ class NuScenes(Exporter):
         self._make_folders(every, folder)
         self._folder = folder
         self._episodes = tuple(episodes)
-        self._grounds = grounds_of(episodes, nuscenes_locations=self.options.nuscenes_locations)
+        self._grounds = grounds_of(
+            episodes,
+            nuscenes_locations=self.options.nuscenes_locations,
+            lost_maps=self.lost_maps,
+        )
         if any(ground.town is not None for ground in self._grounds.values()):
             (folder / EXPANSION).mkdir()
         self._number = 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -63,12 +63,15 @@ class Ground:
         return mask
 
 
-def grounds_of(episodes: Sequence[Episode], *, nuscenes_locations: bool) -> dict[str, Ground]:
+def grounds_of(
+    episodes: Sequence[Episode], *, nuscenes_locations: bool, lost_maps: Container[str] = ()
+) -> dict[str, Ground]:
     """The ground of each map by the map's name.
 
     Args:
         episodes: all that are exported.
         nuscenes_locations: whether maps get the names of the devkit's four locations.
+        lost_maps: ids of the episodes whose vector map is missing or damaged.
 
     Raises:
         BadInputError: there are more maps than names, or one is larger than the devkit draws.
@@ -76,7 +79,9 @@ def grounds_of(episodes: Sequence[Episode], *, nuscenes_locations: bool) -> dict
     names = sorted({episode.document["map"] for episode in episodes})
     locations = _locations(names, nuscenes_locations=nuscenes_locations)
     return {
-        name: _ground([e for e in episodes if e.document["map"] == name], *locations[name])
+        name: _ground(
+            [e for e in episodes if e.document["map"] == name], *locations[name], lost_maps
+        )
         for name in names
     }
 
@@ -96,7 +101,9 @@ def _locations(names: Iterable[str], *, nuscenes_locations: bool) -> Mapping[str
     return found
 
 
-def _ground(episodes: Sequence[Episode], location: str, mask_token: str) -> Ground:
+def _ground(
+    episodes: Sequence[Episode], location: str, mask_token: str, lost_maps: Container[str]
+) -> Ground:
     """The area around all that drove on a map; nuScenes's maps begin at (0, 0)."""
     places = [
         np.array(episode.sensor_poses()["location"].to_pylist()).reshape(-1, 3)
@@ -118,7 +125,7 @@ def _ground(episodes: Sequence[Episode], location: str, mask_token: str) -> Grou
             "Export fewer episodes of that map at once.",
         )
     width, height = (math.ceil(size / METRES_PER_PX) for size in sizes)
-    towns = (episode.vector_map() for episode in episodes)
+    towns = (episode.vector_map() for episode in episodes if episode.id not in lost_maps)
     return Ground(
         location,
         mask_token,

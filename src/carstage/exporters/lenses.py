@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -14,7 +15,9 @@ FIRST_CENTRE_PX: Final = 0.5
 """Where the centre of the first pixel is, in pixels that count from the picture's corner."""
 
 ROS_MODELS: Final = {"brown_conrady": "plumb_bob", "kannala_brandt": "equidistant"}
-"""Names of ``sensor_msgs/CameraInfo`` and of Foxglove by the camera model."""
+"""Names of ``sensor_msgs/CameraInfo`` by the camera model."""
+FOXGLOVE_MODELS: Final = {"brown_conrady": "plumb_bob", "kannala_brandt": "kannala_brandt"}
+"""Names of ``foxglove.CameraCalibration``, which has no ``equidistant``."""
 
 
 def opencv_matrix(camera: SensorCalibration) -> NDArray[np.float64]:
@@ -49,12 +52,19 @@ def no_place_for(camera: SensorCalibration) -> BadInputError:
     )
 
 
-def ros_distortion(camera: SensorCalibration) -> tuple[str, list[float]]:
-    """Distortion model and coefficients as ROS has them; empty without, or without a name there.
+def named_distortion(
+    camera: SensorCalibration, names: Mapping[str, str]
+) -> tuple[str, list[float]]:
+    """Distortion model by its name in a format, and coefficients; empty without, or without a name.
 
-    Coefficients are in OpenCV's order, ``k1 k2 p1 p2 k3`` and ``k1 k2 k3 k4``.
+    Coefficients are in OpenCV's order, ``k1 k2 p1 p2 k3`` and ``k1 k2 k3 k4``, as ROS and Foxglove
+    have them.
+
+    Args:
+        camera: the camera.
+        names: ``ROS_MODELS`` or ``FOXGLOVE_MODELS``.
     """
     lens = camera.bent
-    if lens is None or lens.model not in ROS_MODELS:
+    if lens is None or lens.model not in names:
         return "", []
-    return ROS_MODELS[lens.model], list(lens.distortion)
+    return names[lens.model], list(lens.distortion)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import carstage
 from carstage.dataset import Dataset, Episode
 from carstage.dataset.masks import mask_pixels
-from carstage.exporters.lenses import ros_distortion
+from carstage.exporters.lenses import ROS_MODELS, named_distortion
 from carstage.geometry import project
 from carstage.sensor_kinds.columns import Instance
 from carstage.validation import validate_dataset
@@ -127,7 +127,8 @@ def test_outside_the_image_circle_is_class_zero_and_black(episode: Episode) -> N
 def test_the_calibration_names_the_model(episode: Episode) -> None:
     brown, fish = (episode.sensor(name).calibration for name in ("BROWN", "FISH"))
     assert (brown.width, brown.height, brown.k[0, 0], brown.k[1, 2]) == (240, 150, 130.0, 73.0)
-    assert ros_distortion(brown) == ("plumb_bob", [-0.25, 0.08, 0.001, 0.0, 0.0])
-    assert ros_distortion(fish) == ("equidistant", [0.03, -0.01, 0.0, 0.0])
+    assert named_distortion(brown, ROS_MODELS) == ("plumb_bob", [-0.25, 0.08, 0.001, 0.0, 0.0])
+    assert named_distortion(fish, ROS_MODELS) == ("equidistant", [0.03, -0.01, 0.0, 0.0])
     assert fish.fov_deg == pytest.approx(190.0, abs=0.01)
-    assert ros_distortion(episode.sensor("PLAIN").calibration) == ("", [])
+    plain = episode.sensor("PLAIN").calibration
+    assert named_distortion(plain, ROS_MODELS) == ("", [])

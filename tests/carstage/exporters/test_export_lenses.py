@@ -14,6 +14,7 @@ import yaml
 from analytic_dataset import attempt_of, edit_rows, recommit
 from carstage.errors import BadInputError
 from carstage.exporters import ExportOptions, export_dataset
+from mcap_reading import foxglove_messages, ros2_messages
 
 pytestmark = pytest.mark.xdist_group("export")
 
@@ -21,9 +22,14 @@ BROWN = {
     "model": "brown_conrady", "distortion": [-0.3, 0.1, 0.0, 0.0, 0.0], "max_angle_deg": 60.0,
     "depth": "z", "recorded_from": [],
 }  # fmt: skip
+FISHEYE = {
+    "model": "kannala_brandt", "distortion": [0.03, -0.01, 0.0, 0.0], "max_angle_deg": 95.0,
+    "depth": "range", "recorded_from": [],
+}  # fmt: skip
 LENSES: dict[str, Callable[[dict[str, Any]], None]] = {
     "CARLA's own": lambda sensor: sensor["attributes"].update(lens_k="-0.5"),
     "brown_conrady": lambda sensor: sensor.update(lens=BROWN),
+    "kannala_brandt": lambda sensor: sensor.update(lens=FISHEYE),
 }
 
 
@@ -120,3 +126,29 @@ def test_opv2v_has_the_pinholes_of_an_agent(
     assert agent["cameras"] == left
     pictures = {picture.stem.split("_")[1] for picture in path.parent.rglob("*.png")}
     assert pictures == {f"camera{number}" for number in range(len(left))}
+
+
+@pytest.mark.parametrize(
+    ("messages", "lens", "model", "coefficients"),
+    [
+        ("foxglove", "brown_conrady", "plumb_bob", BROWN["distortion"]),
+        ("foxglove", "kannala_brandt", "kannala_brandt", FISHEYE["distortion"]),
+        ("ros2", "brown_conrady", "plumb_bob", BROWN["distortion"]),
+        ("ros2", "kannala_brandt", "equidistant", FISHEYE["distortion"]),
+    ],
+)
+def test_mcap_names_camera_models_as_its_messages_do(
+    dataset, tmp_path: Path, messages: str, lens: str, model: str, coefficients: list[float]
+) -> None:
+    """By the comments of ``foxglove.CameraCalibration`` and of ``sensor_msgs/CameraInfo``."""
+    pytest.importorskip("mcap", reason="the extra mcap is not installed")
+    bent = with_lenses(dataset, tmp_path, lens, "CAM_LEFT")
+    options = ExportOptions(messages=messages)
+    export_dataset("mcap", bent, tmp_path / "out", options, workers=0)
+    (path,) = (tmp_path / "out").glob("*.mcap")
+    if messages == "foxglove":
+        _, found = foxglove_messages(path)["/CAM_LEFT/calibration"][0]
+        assert (found.distortion_model, list(found.D)) == (model, coefficients)
+    else:
+        _, found = ros2_messages(path)["/CAM_LEFT/camera_info"][0]
+        assert (found.distortion_model, list(found.d)) == (model, coefficients)

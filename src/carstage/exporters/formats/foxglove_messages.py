@@ -45,7 +45,7 @@ from carstage.exporters.formats.mcap_messages import (
     nanoseconds,
 )
 from carstage.exporters.labels import CameraLabel
-from carstage.exporters.lenses import ros_distortion
+from carstage.exporters.lenses import FOXGLOVE_MODELS, named_distortion
 from carstage.geometry import FloatArray
 from carstage.report.drawing import class_colour
 
@@ -170,7 +170,7 @@ def _pixels(record: records.Pixels, time: Timestamp) -> _Made:
 def _camera(record: records.CameraModel, time: Timestamp) -> _Made:
     camera = record.camera
     projection = np.hstack([camera.k, np.zeros((3, 1))])
-    model, coefficients = ros_distortion(camera)
+    model, coefficients = named_distortion(camera, FOXGLOVE_MODELS)
     yield f"/{camera.id}/calibration", CameraCalibration(
         timestamp=time, frame_id=camera.id, width=camera.width, height=camera.height,
         distortion_model=model, D=coefficients, K=camera.k.ravel().tolist(),

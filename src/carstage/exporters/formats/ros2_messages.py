@@ -21,7 +21,12 @@ from carstage.exporters.formats.mcap_messages import (
     nanoseconds,
 )
 from carstage.exporters.formats.ros2_types import definition, message_class, serialise
-from carstage.exporters.lenses import FIRST_CENTRE_PX, opencv_matrix, ros_distortion
+from carstage.exporters.lenses import (
+    FIRST_CENTRE_PX,
+    ROS_MODELS,
+    named_distortion,
+    opencv_matrix,
+)
 from carstage.geometry import FloatArray
 from carstage.report.drawing import class_colour
 
@@ -165,7 +170,7 @@ def _pixels(record: records.Pixels, time: Any) -> _Made:
 def _camera(record: records.CameraModel, time: Any) -> _Made:
     camera = record.camera
     matrix = opencv_matrix(camera)
-    model, coefficients = ros_distortion(camera)
+    model, coefficients = named_distortion(camera, ROS_MODELS)
     whole = _make(
         "sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0,
         do_rectify=False,

@@ -52,6 +52,16 @@ def no_place_for(camera: SensorCalibration) -> BadInputError:
     )
 
 
+def has_named_model(camera: SensorCalibration) -> bool:
+    """Whether ROS and Foxglove have a name for its camera model.
+
+    They have none for CARLA's own lens distortion nor for panoramas. What a message said of such a
+    camera would be a pinhole.
+    """
+    lens = camera.bent
+    return camera.is_pinhole or (lens is not None and lens.model in ROS_MODELS)
+
+
 def named_distortion(
     camera: SensorCalibration, names: Mapping[str, str]
 ) -> tuple[str, list[float]]:

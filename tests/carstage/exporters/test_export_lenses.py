@@ -26,10 +26,15 @@ FISHEYE = {
     "model": "kannala_brandt", "distortion": [0.03, -0.01, 0.0, 0.0], "max_angle_deg": 95.0,
     "depth": "range", "recorded_from": [],
 }  # fmt: skip
+PANORAMA = {
+    "model": "equirectangular", "distortion": [], "max_angle_deg": 180.0, "depth": "range",
+    "recorded_from": [],
+}  # fmt: skip
 LENSES: dict[str, Callable[[dict[str, Any]], None]] = {
     "CARLA's own": lambda sensor: sensor["attributes"].update(lens_k="-0.5"),
     "brown_conrady": lambda sensor: sensor.update(lens=BROWN),
     "kannala_brandt": lambda sensor: sensor.update(lens=FISHEYE),
+    "equirectangular": lambda sensor: sensor.update(lens=PANORAMA),
 }
 
 
@@ -152,3 +157,24 @@ def test_mcap_names_camera_models_as_its_messages_do(
     else:
         _, found = ros2_messages(path)["/CAM_LEFT/camera_info"][0]
         assert (found.distortion_model, list(found.d)) == (model, coefficients)
+
+
+@pytest.mark.parametrize(
+    ("messages", "calibration"), [("foxglove", "calibration"), ("ros2", "camera_info")]
+)
+@pytest.mark.parametrize("lens", ["CARLA's own", "equirectangular"])
+def test_mcap_calls_no_camera_a_pinhole_that_is_none(
+    dataset, tmp_path: Path, messages: str, calibration: str, lens: str
+) -> None:
+    pytest.importorskip("mcap", reason="the extra mcap is not installed")
+    bent = with_lenses(dataset, tmp_path, lens, "CAM_LEFT")
+    options = ExportOptions(messages=messages)
+    export_dataset("mcap", bent, tmp_path / "out", options, workers=0)
+    (path,) = (tmp_path / "out").glob("*.mcap")
+    found = foxglove_messages(path) if messages == "foxglove" else ros2_messages(path)
+    assert len(found[f"/CAM_FRONT/{calibration}"]) == 6
+    assert f"/CAM_LEFT/{calibration}" not in found
+    assert any(topic.startswith("/CAM_LEFT/image") for topic in found)
+    # A message without boxes would say that the picture shows no object.
+    assert ("/CAM_LEFT/annotations" in found) is (lens == "equirectangular")
+    assert f"/CAM_LEFT/{calibration}" not in (tmp_path / "out/layout.json").read_text()

@@ -38,6 +38,7 @@ from carstage.exporters.formats.mcap_records import (
     Values,
 )
 from carstage.exporters.labels import boxed_objects, camera_labels
+from carstage.exporters.lenses import has_named_model
 from carstage.exporters.options import ExportOptions
 from carstage.geometry import pose_matrix
 from carstage.report.drawing import camera_view
@@ -80,10 +81,11 @@ def frame_records(frame: Frame, options: ExportOptions) -> Iterator[Record]:
         if not frame.has(sensor.id):
             continue
         yield from CONTENTS[sensor.content](frame, sensor.id)
-        if sensor.calibration.is_camera:
-            yield CameraModel(sensor.calibration)
-            if sensor.calibration.labelled and frame.has_labelled(sensor.id):
-                yield _labels(frame, sensor.id, options)
+        camera = sensor.calibration
+        if camera.is_camera and has_named_model(camera):
+            yield CameraModel(camera)
+        if camera.labelled and camera.is_projective and frame.has_labelled(sensor.id):
+            yield _labels(frame, sensor.id, options)
 
 
 def _transforms(frame: Frame) -> Transforms:

@@ -111,12 +111,23 @@ def _read_yaml(text: str) -> Document:
 
 def _without_ids(base: Document) -> Document:
     """Settings that name sensors by id go back to their defaults: those sensors are gone."""
-    labels, conversion = base.get("labels"), base.get("conversion")
+    labels, conversion, ego = (base.get(key) for key in ("labels", "conversion", "ego"))
     changed = dict(base)
-    if isinstance(labels, dict) and labels.get("cameras", "all") != "all":
-        changed["labels"] = {**labels, "cameras": "all"}
+    if isinstance(labels, dict):
+        changed["labels"] = dict(labels)
+        if labels.get("cameras", "all") != "all":
+            changed["labels"]["cameras"] = "all"
+        if labels.get("lidars", "all") != "all":
+            changed["labels"]["lidars"] = []
+        occupancy = labels.get("occupancy")
+        if isinstance(occupancy, dict) and occupancy.get("frame", "ego") != "ego":
+            changed["labels"]["occupancy"] = {**occupancy, "frame": "ego"}
     if isinstance(conversion, dict) and conversion.get("codecs"):
         changed["conversion"] = {**conversion, "codecs": {}}
+    if isinstance(ego, dict):
+        driver = ego.get("driver")
+        if isinstance(driver, dict) and driver.get("camera") is not None:
+            changed["ego"] = {**ego, "driver": {**driver, "camera": None}}
     return changed
 
 

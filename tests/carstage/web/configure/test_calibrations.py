@@ -188,7 +188,13 @@ def test_a_camera_that_joins_the_rig_leaves_what_names_the_others(site: Site) ->
     ids = [sensor["id"] for sensor in base["rig"]["sensors"] if sensor["kind"] == "rgb"]
     named = {
         **base,
-        "labels": {**base.get("labels", {}), "cameras": ids[:1]},
+        "labels": {
+            **base.get("labels", {}),
+            "cameras": ids[:1],
+            "lidars": ["LIDAR_TOP"],
+            "occupancy": {"frame": "LIDAR_TOP"},
+        },
+        "ego": {**base.get("ego", {}), "driver": {"kind": "keyboard", "camera": ids[0]}},
         "conversion": {**base.get("conversion", {}), "codecs": {ids[0]: "jpeg"}},
     }
 
@@ -201,9 +207,15 @@ def test_a_camera_that_joins_the_rig_leaves_what_names_the_others(site: Site) ->
     joined = imported(yaml.safe_dump(CAMERA_INFO))
     assert joined["rig"]["sensors"][-1]["id"] == "front_left_"
     assert joined["labels"]["cameras"] == ids[:1]
+    assert joined["ego"]["driver"]["camera"] == ids[0]
+    assert joined["labels"]["lidars"] == ["LIDAR_TOP"]
+    assert joined["labels"]["occupancy"]["frame"] == "LIDAR_TOP"
     assert joined["conversion"]["codecs"] == {ids[0]: "jpeg"}
     other = imported(KITTI)
     assert other["labels"]["cameras"] == "all"
+    assert other["labels"]["lidars"] == []
+    assert other["labels"]["occupancy"]["frame"] == "ego"
+    assert other["ego"]["driver"].get("camera") is None
     assert other["conversion"]["codecs"] == {}
 
 

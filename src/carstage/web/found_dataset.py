@@ -12,6 +12,8 @@ from carstage.storage.remote_path import DatasetPath, RemotePath
 
 EXPORTS = "exports"
 """Folder below the first root that exports are made in; it is not looked through for datasets."""
+INSIDE = frozenset({"commits", "episodes", "leases", "maps", "runs", EXPORTS})
+"""Folders of datasets, and of exports: no datasets are looked for in them."""
 _SAFE = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.-")
 _SUFFIX = ".json"
 

@@ -15,7 +15,7 @@ from carstage.errors import CarStageError
 from carstage.storage.remote_files import RemoteFiles, remote_files
 from carstage.storage.remote_path import RemotePath
 from carstage.web.found_dataset import (
-    EXPORTS,
+    INSIDE,
     FoundDataset,
     dataset_id,
     is_marker,
@@ -27,8 +27,6 @@ _MOST_FOLDERS = 1000
 _FRESH_S = 10.0
 _FIRST_WAIT_S = 5.0
 _AT_ONCE = 16
-_INSIDE = frozenset({"commits", "episodes", "leases", "maps", "runs", EXPORTS})
-"""Folders of datasets, and of exports: no datasets are looked for in them."""
 
 
 class RemoteRoot:
@@ -103,11 +101,10 @@ class RemoteRoot:
                 ):
                     if "dataset.json" in names or "commits" in folders:
                         yield self._dataset(files, key)
-                    else:
-                        inside = [
-                            name for name in folders if name not in _INSIDE and name[0] != "."
-                        ]
-                        below += [f"{key}/{name}" if key else name for name in inside]
+                        if key:
+                            continue  # below a root that is one itself there may be others
+                    inside = [name for name in folders if name not in INSIDE and name[0] != "."]
+                    below += [f"{key}/{name}" if key else name for name in inside]
                 level = below[: _MOST_FOLDERS - seen]
 
     def _dataset(self, files: RemoteFiles, key: str) -> FoundDataset:

@@ -18,7 +18,7 @@ from carstage.files.home import without_tilde
 from carstage.storage.address import dataset_root
 from carstage.storage.remote_path import DatasetPath, RemotePath
 from carstage.web.errors import not_found
-from carstage.web.found_dataset import EXPORTS, FoundDataset, dataset_id
+from carstage.web.found_dataset import EXPORTS, INSIDE, FoundDataset, dataset_id
 from carstage.web.remote_roots import RemoteRoot
 
 _DEPTH = 3
@@ -217,6 +217,8 @@ def _datasets_below(root: Path) -> Iterator[Path]:
                 return
             if _is_dataset(folder):
                 yield folder
+                if folder == root:  # others may lie in it: those that are recorded here do
+                    below += [one for one in _folders(folder) if one.name not in INSIDE]
             elif folder != root / EXPORTS:
                 below += _folders(folder)
         level = below

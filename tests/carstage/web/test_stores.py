@@ -215,6 +215,17 @@ def test_a_store_that_is_away_is_told_and_stops_nothing(
     assert place.problem == "The store lets nobody look. Set the credentials."
 
 
+def test_datasets_in_a_root_that_is_one_itself_are_listed(root: RemotePath) -> None:
+    from carstage.web.remote_roots import RemoteRoot
+
+    place = RemotePath(f"{root}-one")
+    files = remote_files(str(place))
+    for folder in ("commits", "drive/commits", "drive/inner/commits", "episodes/e/commits"):
+        files.write(f"{folder}/0123456789abcdef.json", b"{}")
+    found = RemoteRoot(place, 0).datasets()
+    assert [one.path for one in found] == [place, RemotePath(f"{place}/drive")]
+
+
 def test_a_bucket_that_is_not_there_is_refused_at_the_start(root: RemotePath) -> None:
     command = [sys.executable, "-m", "carstage.cli", "gui", "--no-browser", "--port", "0"]
     ended = subprocess.run(

@@ -303,6 +303,19 @@ def test_a_root_of_many_folders_hides_no_other_root(
     assert list(roots.datasets()) == ["drives~r1"]
 
 
+def test_datasets_in_a_root_that_is_one_itself_are_listed(tmp_path: Path) -> None:
+    for folder in ("commits", "episodes/e/a1/commits", "exports/mine/commits"):
+        (tmp_path / "drives" / folder).mkdir(parents=True)
+    roots = Roots([tmp_path / "drives"])
+    assert list(roots.datasets()) == ["drives"]
+    recorded = roots.new("town")
+    assert isinstance(recorded, Path)
+    (recorded / "commits").mkdir(parents=True)
+    (recorded / "inner/commits").mkdir(parents=True)
+    roots.forget()
+    assert list(roots.datasets()) == ["drives", roots.id_of(recorded)]
+
+
 def test_lights_of_vehicles_are_named_as_carla_has_them() -> None:
     bits = carla.VehicleLightState
     named = {

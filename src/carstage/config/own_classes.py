@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import AfterValidator
+from pydantic import AfterValidator, BeforeValidator
 
 from carstage.config.fields import problem, setting, shortened
 from carstage.spec.drivers import MOST_PARAMETERS, is_class_name
@@ -18,7 +18,17 @@ def _checked_names(parameters: dict[str, Any]) -> dict[str, Any]:
     return parameters
 
 
-Parameters = Annotated[dict[str, bool | int | float | str], AfterValidator(_checked_names)]
+def _checked_values(values: Any) -> Any:
+    for name, value in values.items() if isinstance(values, dict) else ():
+        if not isinstance(value, bool | int | float | str):
+            message = f"{shortened(repr(value))} is no word, no number, and not true or false."
+            raise problem(message, "Give one of these.", name)
+    return values
+
+
+Values = Annotated[dict[str, bool | int | float | str], BeforeValidator(_checked_values)]
+"""Plain values by their names."""
+Parameters = Annotated[Values, AfterValidator(_checked_names)]
 """Keyword arguments of a class."""
 
 

@@ -10,6 +10,7 @@ from pydantic import BeforeValidator, Discriminator, Field, Strict, field_valida
 from carstage.config.asked_events import Events, no_events
 from carstage.config.drivers import AutopilotDriver, Driver
 from carstage.config.fields import Names, Section, problem, setting, shortened, unknown
+from carstage.config.own_classes import Values
 from carstage.config.timing import Timing
 from carstage.spec.drivers import MOST_PARAMETERS
 
@@ -285,7 +286,7 @@ class OpenScenarioScenario(Section):
         group="ego",
         min_length=1,
     )
-    params: dict[str, bool | int | float | str] = setting(
+    params: Values = setting(
         dict,
         title="Parameters",
         description="Values of the file's parameters that override it.",
@@ -339,7 +340,7 @@ class ScenicScenario(Section):
         group="ego",
         min_length=1,
     )
-    params: dict[str, bool | int | float | str] = setting(
+    params: Values = setting(
         dict,
         title="Parameters",
         description="Global parameters that override those of the program.",

@@ -36,6 +36,8 @@ _OF_A_RUN = frozenset(
 """Settings that are the same for all episodes of a run."""
 _SHORT_FORMS = ("map", "weather")
 _MARKS = ("range", "normal", "choice")
+_OF_ARGUMENTS = ("parameters", "params")
+"""Settings whose keys may be names of arguments."""
 
 
 def take_samples(document: dict[str, Any]) -> Callable[[ConfigError], ConfigError]:
@@ -166,7 +168,7 @@ class _Found:
                 return (*place, *path[3:])
             if path[: len(sampled)] == sampled:
                 rest = path[len(sampled) :]
-                if not rest or rest[0] not in (*_MARKS, "min", "max"):
+                if not _is_in_sample(rest, self.samples[sampled]):
                     rest = (*_first_place(self.samples[sampled]), *rest)
                 if sampled in self.flat and rest[0] == "choice":
                     rest = rest[1:]
@@ -192,10 +194,21 @@ def _is_sample(value: Any) -> bool:
     return isinstance(value, dict) and any(isinstance(value.get(mark), list) for mark in _MARKS)
 
 
+def _names_arguments(key: str | int, value: Any) -> bool:
+    """Whether a mapping has a user's own names as keys: ``range`` in it is one of them.
+
+    Such mappings as a whole are sampled by a choice of mappings alone.
+    """
+    if key not in _OF_ARGUMENTS or not isinstance(value, dict):
+        return False
+    choice = value.get("choice")
+    return not (isinstance(choice, list) and all(isinstance(one, dict) for one in choice))
+
+
 def _search(parent: Any, key: str | int, path: Path, found: _Found) -> None:
     """Keep the samples at and below a place."""
     value = parent[key]
-    if _is_sample(value):
+    if _is_sample(value) and not _names_arguments(key, value):
         found.add(path, value, path)
     elif isinstance(value, dict | list):
         for below in value if isinstance(value, dict) else range(len(value)):
@@ -226,6 +239,18 @@ def _samples_in(value: Any) -> Iterator[bool]:
     elif isinstance(value, dict | list):
         for below in value.values() if isinstance(value, dict) else value:
             yield from _samples_in(below)
+
+
+def _is_in_sample(path: Path, raw: Mapping[str, Any]) -> bool:
+    """Whether a path leads into how a setting is sampled, and not into one of its values."""
+    if path[:1] in (("min",), ("max",)):
+        return path[0] in raw
+    first, position = path[:1], path[1:2]
+    return (
+        first in (("range",), ("choice",))
+        and first[0] in raw
+        and any(isinstance(part, int) for part in position)
+    )
 
 
 def _first_place(raw: Any) -> Path:

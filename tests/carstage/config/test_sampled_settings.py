@@ -24,6 +24,7 @@ image_size: {choice: [[64, 36], [128, 72]]}
 rig: {sensors: [{id: CAM, kind: rgb, attributes: {fov_deg: {range: [60, 90], steps: 4}}}]}
 campaign: {method: stratified, strata: [map.choice, weather.choice], repeats: 2}
 """
+DRIVER = "ego: {driver: {kind: class, name: 'a:B', parameters: %s}}"
 
 
 def test_each_sampled_setting_is_a_dimension_by_its_path() -> None:
@@ -115,6 +116,11 @@ def test_strata_and_grids_decide_how_many_episodes_there_are() -> None:
             "{ego: {choice: [{spawn: 3}, {driver: route}]}, timing: {mode: async}}",
             "ego.choice[1].driver: a driver needs a world that waits for each step.",
         ),
+        (DRIVER % "{range: [1, 5]}", "ego.driver.parameters.range: [1, 5] is no word"),
+        (DRIVER % "{choice: [a, b], q: 1}", "ego.driver.parameters.choice: ['a', 'b'] is no word"),
+        (DRIVER % "{choice: [{min: null}]}", "ego.driver.parameters.choice[0].min: None is no"),
+        (DRIVER % "{choice: [{choice: null}]}", "ego.driver.parameters.choice[0].choice: None is"),
+        (DRIVER % "{choice: [{a: 1}, {a: null}]}", "ego.driver.parameters.choice[1].a: None is"),
         ("campaign: {method: gird}", "campaign.method: unknown value 'gird'."),
         ("campaign: {method: stratified}", "campaign.strata: no strata are named."),
         ("campaign: {strata: [fps]}", "campaign.strata: it goes with method stratified."),
@@ -161,6 +167,19 @@ def test_what_cannot_be_sampled_is_refused_where_it_stands(text: str, message: s
     with pytest.raises(ConfigError) as caught:
         parse_config(text)
     assert caught.value.message.startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("given", "name"),
+    [
+        ("{range: 5, a: {range: [1, 5]}}", "ego.driver.parameters.a"),
+        ("{range: {range: [1, 5]}}", "ego.driver.parameters.range"),
+        ("{choice: {choice: [1, 5]}}", "ego.driver.parameters.choice"),
+        ("{choice: [{range: 1}, {range: 2}]}", "ego.driver.parameters"),
+    ],
+)
+def test_arguments_of_any_name_are_sampled(given: str, name: str) -> None:
+    assert [one.name for one in dimensions(parse_config(DRIVER % given))] == [name]
 
 
 def test_every_choice_at_fault_is_named() -> None:

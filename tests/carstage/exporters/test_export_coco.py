@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import analytic_scene
+from analytic_dataset import SIZE, make_dataset
 from carstage.annotation.rle import encode_mask
 from carstage.dataset import Dataset, Episode, Frame, decode_mask
 from carstage.exporters import ExportOptions, export_dataset
@@ -65,6 +67,30 @@ def test_amodal_boxes_are_written_on_demand(exported, dataset) -> None:
         assert min(
             np.abs(np.subtract(box, (x, y, x + width, y + height))).max() for box in amodal
         ) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_rows_without_counted_pixels_have_boxes_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain = analytic_scene.spec
+
+    def stage_vo_alone(**options: Any) -> dict[str, Any]:
+        found = plain(**options)
+        cameras = [one | {"instance": None} for one in found["sensors"]]
+        sensors = [one for one in cameras if one["kind"] != "instance"]
+        labels = {**found["labels"], "method": "stage_vo"}
+        return {**found, "labels": labels, "sensors": sensors}
+
+    monkeypatch.setattr(analytic_scene, "spec", stage_vo_alone)
+    dataset = make_dataset(tmp_path / "dataset", tmp_path, size=SIZE)
+    options = ExportOptions(boxes="amodal")
+    export_dataset("coco", dataset, tmp_path / "out", options, workers=0)
+    annotations = tmp_path / "out/annotations"
+    assert [path.name for path in annotations.iterdir()] == ["instances_train.json"]
+    rows = json.loads((annotations / "instances_train.json").read_text())["annotations"]
+    assert len(rows) > 30
+    assert not any("segmentation" in row for row in rows)
+    assert all(row["area"] == row["bbox"][2] * row["bbox"][3] for row in rows)
 
 
 def test_panoptic_segments_cover_the_picture_by_tag_and_actor(exported, dataset) -> None:

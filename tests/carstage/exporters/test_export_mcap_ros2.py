@@ -91,6 +91,8 @@ def test_pictures_are_the_dataset_s(messages: Messages, episode: Episode) -> Non
     np.testing.assert_array_equal(info.k, from_centre.ravel())
     np.testing.assert_array_equal(np.reshape(info.p, (3, 4))[:, :3], from_centre)
     assert (info.width, info.height) == (camera.width, camera.height)
+    # Without a model, image_geometry refuses to rectify: the distortion is unknown to it.
+    assert (info.distortion_model, list(info.d)) == ("plumb_bob", [0.0] * 5)
 
 
 def columns(cloud: Any) -> Any:

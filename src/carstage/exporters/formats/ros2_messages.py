@@ -35,6 +35,7 @@ _POINT_NUMBERS: Final = {"<f4": 7, "<u4": 6}  # PointField.FLOAT32, UINT32
 _NO_COVARIANCE: Final = np.zeros(9)
 _NO_ORIENTATION: Final = np.array([-1.0, *[0.0] * 8])
 """``sensor_msgs/Imu``: a first element of -1 says that there is no estimate."""
+_NO_DISTORTION: Final = ("plumb_bob", [0.0] * 5)
 _CUBE, _ADD, _DELETE_ALL = 1, 0, 3  # of visualization_msgs/Marker
 
 _Made = Iterator[tuple[str, Any]]
@@ -171,6 +172,8 @@ def _camera(record: records.CameraModel, time: Any) -> _Made:
     camera = record.camera
     matrix = opencv_matrix(camera)
     model, coefficients = named_distortion(camera, ROS_MODELS)
+    if not model:  # image_geometry takes a camera without a model for one of unknown distortion
+        model, coefficients = _NO_DISTORTION
     whole = _make(
         "sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0,
         do_rectify=False,

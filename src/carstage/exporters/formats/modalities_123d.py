@@ -112,12 +112,13 @@ def rig_of(episode: Episode, options: ExportOptions) -> Rig:
 
 def _ego(episode: Episode) -> Modality:
     box, actors = episode.calibration.ego_box, episode.document["actors"]
+    actor = actors.get(str(episode.document["ego_id"]))  # none of an agent that is no vehicle
     x, y, z = (2.0 * half for half in box["extent"])
     center = flu_pose(pose_matrix(box["location"], box["rotation_deg"]))
     return Modality(
         EGO,
         {
-            "vehicle_name": actors[str(episode.document["ego_id"])]["type_id"],
+            "vehicle_name": str(episode.agent_name) if actor is None else actor["type_id"],
             "length": x,
             "width": y,
             "height": z,

@@ -15,7 +15,6 @@ from carstage.dataset.saved_frames import Frame
 from carstage.exporters.axes import flu_vector
 from carstage.geometry import (
     FloatArray,
-    back_project,
     invert_pose,
     optical_from_world,
     transform_points,
@@ -97,8 +96,8 @@ def _of_cameras(frame: Frame, sensors: SurfaceSensors) -> Iterator[FloatArray]:
         wanted = np.isin(tags[::_EVERY_PX, ::_EVERY_PX], _SURFACES) & (depth_m < _FARTHEST_M)
         row, column = np.nonzero(wanted)
         uv = np.stack([column, row], axis=-1) * _EVERY_PX + 0.5
-        k = frame.episode.sensor(depth_camera).calibration.k
-        optical = back_project(uv, depth_m[wanted], k)
+        camera = frame.episode.sensor(depth_camera).calibration
+        optical = camera.back_project(uv, depth_m[wanted])
         world_from_optical = invert_pose(optical_from_world(frame.world_from_sensor(depth_camera)))
         yield transform_points(world_from_optical, optical)
 

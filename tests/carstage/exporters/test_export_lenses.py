@@ -8,12 +8,21 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 
 from analytic_dataset import attempt_of, edit_rows, recommit
+from carstage.dataset import Dataset
 from carstage.errors import BadInputError
 from carstage.exporters import ExportOptions, export_dataset
+from carstage.exporters.road_cells import (
+    CELL_M,
+    SurfaceSensors,
+    surface_cells,
+    surface_sensors,
+)
+from carstage.geometry import OPTICAL_FROM_SENSOR
 from mcap_reading import foxglove_messages, ros2_messages
 
 pytestmark = pytest.mark.xdist_group("export")
@@ -178,3 +187,22 @@ def test_mcap_calls_no_camera_a_pinhole_that_is_none(
     # A message without boxes would say that the picture shows no object.
     assert ("/CAM_LEFT/annotations" in found) is (lens == "equirectangular")
     assert f"/CAM_LEFT/{calibration}" not in (tmp_path / "out/layout.json").read_text()
+
+
+def test_roads_are_where_a_lens_shows_them(every_kind, tmp_path: Path) -> None:
+    names = ("SEM_FRONT", "DEPTH_FRONT")
+    bent = with_lenses(every_kind, tmp_path, "kannala_brandt", *names)
+    (episode,) = Dataset(bent).episodes
+    sensors = surface_sensors(episode)
+    assert names in sensors.cameras
+    frame = next(iter(episode.iter_frames()))
+    found = surface_cells(frame, SurfaceSensors((), (names,)), (0.0, 0.0))
+    camera = episode.sensor("DEPTH_FRONT").calibration
+    depth_m, tags = frame.read("DEPTH_FRONT"), frame.read("SEM_FRONT")
+    optical = (camera.pixel_rays() * depth_m[..., None])[::4, ::4]
+    on_road = (np.isin(tags, (1, 2, 24)) & (depth_m < 40.0))[::4, ::4]
+    pose = frame.world_from_sensor("DEPTH_FRONT")
+    world = optical[on_road] @ OPTICAL_FROM_SENSOR @ pose[:3, :3].T + pose[:3, 3]
+    expected = np.unique(np.floor(world[:, :2] * (1.0, -1.0) / CELL_M).astype(int), axis=0)
+    assert len(expected) > 20
+    np.testing.assert_array_equal(found, expected)

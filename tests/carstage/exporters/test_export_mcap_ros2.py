@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,11 +13,15 @@ from PIL import Image
 
 import analytic_scene
 from carstage.dataset import Dataset, Episode
-from carstage.exporters import ExportOptions, export_dataset
+from carstage.errors import BadInputError
+from carstage.exporters import ExportOptions, export_dataset, exporter_for
+from carstage.exporters.formats import mcap_records
 from carstage.geometry import pose_matrix
 from mcap_reading import Messages, foxglove_messages, pixels, pose, ros2_messages, vector
 
 pytest.importorskip("rosbags", reason="the extra ros2 is not installed")
+
+from carstage.exporters.formats.ros2_messages import messages as made_messages
 
 pytestmark = pytest.mark.xdist_group("export")
 MIRROR = np.array([1.0, -1.0, 1.0])
@@ -184,3 +189,27 @@ def test_transforms_and_labels_are_those_of_the_other_kind(
         assert (centre.x, centre.y) == pytest.approx(middle)  # from pixels' centres
         assert detection.bbox.size_x == pytest.approx(high.x - low.x)
         assert f"{detection.results[0].hypothesis.class_id} {detection.id}" == text.text
+
+
+@pytest.mark.parametrize(
+    ("sensor", "topic"),
+    [
+        ("CAM_FRONT", "/CAM_FRONT/image"),
+        ("LIDAR.semantic", "/LIDAR_semantic/image"),  # that of `labels.lidars` has a dot
+        ("front-left.1", "/front_left_1/image"),
+        ("3rd", "/_3rd/image"),
+    ],
+)
+def test_topics_are_names_that_ros_takes(sensor: str, topic: str) -> None:
+    """As ``rmw_validate_full_topic_name`` has it: else a player ends with the first message."""
+    record = mcap_records.Pixels(sensor, "image", "mono8", np.zeros((1, 1), np.uint8))
+    (made,) = made_messages(record, 0.0)
+    assert made.topic == topic
+
+
+def test_sensors_that_would_share_their_topics_are_refused(tmp_path: Path) -> None:
+    sensors = [SimpleNamespace(id=name) for name in ("CAM.1", "CAM-1")]
+    episode: Any = SimpleNamespace(id="0123456789abcdef", sensors=sensors)
+    with pytest.raises(BadInputError, match=r"'CAM\.1' and 'CAM-1' would have the same topics"):
+        exporter_for("mcap", ExportOptions(messages="ros2")).begin([episode], tmp_path)
+    exporter_for("mcap", ExportOptions()).begin([episode], tmp_path)

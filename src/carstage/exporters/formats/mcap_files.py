@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from importlib.util import find_spec
@@ -92,10 +92,10 @@ class McapFiles(Exporter):
         super().__init__(replace(options, classes=classes, messages=messages))
 
     def begin(self, episodes: Sequence[Episode], folder: Path) -> None:
-        """Ask for the packages; every rig will do.
+        """Ask for the packages; every rig will do whose sensors have topics of their own.
 
         Raises:
-            BadInputError: the extra is not installed.
+            BadInputError: the extra is not installed, or two sensors would share their topics.
         """
         if any(find_spec(name) is None for name in _MODULES[_messages(self.options)]):
             raise BadInputError(
@@ -105,6 +105,9 @@ class McapFiles(Exporter):
         self._folder = folder
         self._topics: dict[str, str] = {}
         self._module = _message_module(self.options)
+        if _messages(self.options) == "ros2":
+            for episode in episodes:
+                _check_topics(episode, self._module.topic_name)
 
     def begin_episode(self, episode: Episode) -> MessageWriter:
         """Open the episode's file."""
@@ -164,6 +167,18 @@ class McapFiles(Exporter):
             coding, encoding, content = self._module.schema(name)
             self._schemas[name] = self._writer.register_schema(name, encoding, content), coding
         return self._schemas[name]
+
+
+def _check_topics(episode: Episode, topic_name: Callable[[str], str]) -> None:
+    seen: dict[str, str] = {}
+    for sensor in episode.sensors:
+        other = seen.setdefault(topic_name(f"/{sensor.id}"), sensor.id)
+        if other != sensor.id:
+            raise BadInputError(
+                f"Episode {episode.id}: {other!r} and {sensor.id!r} would have the same topics, "
+                "as ROS 2 has neither '.' nor '-' in names.",
+                "Use --messages foxglove, or other ids when you record.",
+            )
 
 
 def _messages(options: ExportOptions) -> str:

@@ -6,6 +6,7 @@ wherever these are installed. Topics are ``/tf``, ``/objects``, ``/ego/WHAT`` an
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Final
 
@@ -47,7 +48,15 @@ def messages(record: records.Record, time_s: float) -> Iterator[Stamped]:
     time = message_class("builtin_interfaces/msg/Time")(sec=seconds, nanosec=rest)
     for topic, message in _MAKERS[type(record)](record, time):
         name = message.__msgtype__
-        yield Stamped(topic, name, serialise(message, name))
+        yield Stamped(topic_name(topic), name, serialise(message, name))
+
+
+def topic_name(topic: str) -> str:
+    """A topic as ROS 2 takes it: letters, digits, ``_``; no part begins with a digit.
+
+    Source of the rule: ``rmw_validate_full_topic_name``. Ids of sensors have ``.`` and ``-``, too.
+    """
+    return re.sub("/(?=[0-9])", "/_", re.sub("[^A-Za-z0-9_/]", "_", topic))
 
 
 def schema(name: str) -> tuple[str, str, bytes]:

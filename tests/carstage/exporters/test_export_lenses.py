@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import tarfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -206,3 +207,14 @@ def test_roads_are_where_a_lens_shows_them(every_kind, tmp_path: Path) -> None:
     expected = np.unique(np.floor(world[:, :2] * (1.0, -1.0) / CELL_M).astype(int), axis=0)
     assert len(expected) > 20
     np.testing.assert_array_equal(found, expected)
+
+
+def test_webdataset_tells_no_pinhole_of_a_lens_that_nobody_knows(dataset, tmp_path: Path) -> None:
+    bent = with_lenses(dataset, tmp_path, "CARLA's own", "CAM_LEFT")
+    export_dataset("webdataset", bent, tmp_path / "out", workers=0)
+    with tarfile.open(tmp_path / "out/train-000000.tar") as tar:
+        (first, *_) = (name for name in tar.getnames() if name.endswith(".labels.json"))
+        labels = json.load(tar.extractfile(first))  # type: ignore[arg-type]
+    assert labels["sensors"]["CAM_LEFT"]["K"] is None
+    assert labels["sensors"]["CAM_FRONT"]["K"] is not None
+    assert labels["unlabelled_cameras"] == ["CAM_LEFT"]

@@ -90,14 +90,20 @@ def _labels(frame: Frame, class_map: ClassMap | None) -> Mapping[str, Any]:
                 "kind": sensor.kind,
                 "ego_from_sensor": frame.ego_from_sensor(name).tolist(),
                 "world_from_sensor": frame.world_from_sensor(name).tolist(),
-                "K": sensor.k.tolist() if sensor.is_camera else None,
+                "K": sensor.k.tolist() if sensor.is_projective else None,
                 **lens_entry(sensor),
             }
             for name, sensor in sensors.items()
         },
         "objects": list(objects.values()),
         "camera_objects": {camera: list(rows) for camera, rows in seen.items()},
-        "unlabelled_cameras": sorted(frame.unlabelled),
+        "unlabelled_cameras": sorted(
+            {
+                *frame.unlabelled,
+                # Nothing is projected into pictures with CARLA's own lens distortion.
+                *(name for name, one in sensors.items() if one.labelled and not one.is_projective),
+            }
+        ),
     }
 
 

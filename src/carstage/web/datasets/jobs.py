@@ -80,7 +80,8 @@ class JobService:
         """Begin an export.
 
         Raises:
-            WebError: no such dataset or format, or there is an export of that name.
+            WebError: no such dataset or format, there is an export of that name, or exports would
+                lie in the dataset.
         """
         found = self._roots.dataset(dataset)
         if request.format not in FORMATS:
@@ -91,6 +92,12 @@ class JobService:
             )
         name = export_name(found, request)
         target = self._roots.exports(name)
+        if str(target).startswith(f"{found.path}/"):
+            raise WebError(
+                409,
+                f"Exports are made in {found.shown} itself, and none may lie in its dataset.",
+                "Start the interface with the folder above it, or export in a terminal.",
+            )
         if target.exists() and not request.overwrite:
             raise WebError(
                 409, f"{EXPORTS}/{name} exists already.", "Choose another name, or overwrite it."

@@ -1,6 +1,7 @@
 """Exports and validations go on in processes of their own."""
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +58,15 @@ def test_formats_that_do_not_exist_are_refused(site: Site) -> None:
     assert answer.status_code == 422
     formats = site.client.get("/api/exports/formats").json()["formats"]
     assert all(entry["available"] for entry in formats)
+
+
+def test_a_root_that_is_a_dataset_itself_takes_no_export_of_it(site: Site, tmp_path: Path) -> None:
+    with open_site(Path(shutil.copytree(site.root / "town", tmp_path / "town"))) as client:
+        answer = client.post("/api/datasets/town/export", json={"format": "yolo"})
+    assert (answer.status_code, answer.json()["hint"]) == (
+        409,
+        "Start the interface with the folder above it, or export in a terminal.",
+    )
 
 
 def test_every_exporter_is_offered(site: Site) -> None:

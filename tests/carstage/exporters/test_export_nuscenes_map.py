@@ -14,12 +14,19 @@ import shapely
 
 import analytic_scene
 import small_maps
-from analytic_dataset import SIZE, add_vector_map, make_dataset
+from analytic_dataset import (
+    SIZE,
+    add_episode,
+    add_vector_map,
+    give_vector_map,
+    make_dataset,
+)
+from carstage.dataset import Dataset
 from carstage.errors import BadInputError
 from carstage.exporters import ExportOptions, export_dataset
 from carstage.exporters.formats.nuscenes_arcs import TOLERANCE_M, arcline_paths
 from carstage.exporters.formats.nuscenes_expansion import LOCATIONS, map_expansion
-from carstage.exporters.formats.nuscenes_grounds import grounds_of
+from carstage.exporters.formats.nuscenes_grounds import grounds_of, town_names
 from carstage.vector_map import vector_map
 from carstage_sim.maps.writer import PLANS, opendrive_of
 from devkits import NUSCENES_VERSION, nuscenes_map_api
@@ -272,12 +279,37 @@ def test_a_dataset_without_a_vector_map_has_no_expansion(exported) -> None:
     assert not (exported("nuscenes") / "maps/expansion").exists()
 
 
+def test_different_maps_of_one_name_are_two_locations(tmp_path: Path) -> None:
+    dataset, out = tmp_path / "in", tmp_path / "out"
+    make_dataset(dataset, tmp_path, size=SIZE, steps=2)
+    add_episode(dataset, tmp_path, "fedcba9876543210", 2)
+    attempts = sorted(dataset.glob("episodes/*/*"))
+    for length_m, attempt in zip((60.0, 100.0), attempts, strict=True):
+        road = small_maps.document(small_maps.road(1, 0.0, 0.0, 0.0, length_m))
+        give_vector_map(dataset, attempt, road)
+    export_dataset("nuscenes", dataset, out, workers=0)
+    tables = out / NUSCENES_VERSION
+    logs = {row["token"]: row for row in json.loads((tables / "log.json").read_text())}
+    towns = {row["logfile"]: row["location"] for row in logs.values()}
+    assert sorted(towns) == [attempt.parent.name for attempt in attempts]
+    for length_m, attempt in zip((60.0, 100.0), attempts, strict=True):
+        location = towns[attempt.parent.name]
+        expansion = json.loads((out / f"maps/expansion/{location}.json").read_text())
+        (path, *_) = expansion["arcline_path_3"].values()
+        lengths = [sum(one["segment_length"]) for one in path]
+        assert sum(lengths) == pytest.approx(length_m, abs=0.1)
+    rows = json.loads((tables / "map.json").read_text())
+    assert len({row["filename"] for row in rows}) == len(rows) == 2
+    assert {row["carla_map"] for row in rows} == {Dataset(dataset).episodes[0].document["map"]}
+    assert sorted(token for row in rows for token in row["log_tokens"]) == sorted(logs)
+
+
 def test_more_towns_than_locations_are_refused() -> None:
     from types import SimpleNamespace
 
-    episodes = [SimpleNamespace(document={"map": f"Town{n:02}"}) for n in range(5)]
+    episodes: Any = [SimpleNamespace(id=str(n), document={"map": f"Town{n:02}"}) for n in range(5)]
     with pytest.raises(BadInputError, match="knows 4 locations; there is none left for Town04"):
-        grounds_of(episodes, nuscenes_locations=True)  # type: ignore[arg-type]
+        grounds_of(episodes, town_names(episodes), nuscenes_locations=True)
     assert len(LOCATIONS) == 4
 
 

@@ -13,7 +13,7 @@ from carstage.exporters.exporter import Exporter, register
 from carstage.exporters.formats.nuscenes_can_bus import CanBus
 from carstage.exporters.formats.nuscenes_categories import check_categories
 from carstage.exporters.formats.nuscenes_frame import OCC3D, VERSION, FramePart, SceneWriter
-from carstage.exporters.formats.nuscenes_grounds import EXPANSION, grounds_of
+from carstage.exporters.formats.nuscenes_grounds import EXPANSION, grounds_of, town_names
 from carstage.exporters.formats.nuscenes_rows import SceneTables
 from carstage.exporters.formats.nuscenes_scenes import (
     CarScene,
@@ -68,8 +68,10 @@ class NuScenes(Exporter):
         self._make_folders(every, folder)
         self._folder = folder
         self._episodes = tuple(episodes)
+        self._towns = town_names(episodes)
         self._grounds = grounds_of(
             episodes,
+            self._towns,
             nuscenes_locations=self.options.nuscenes_locations,
             lost_maps=self.lost_maps,
         )
@@ -93,7 +95,7 @@ class NuScenes(Exporter):
         """Open the scenes of an episode."""
         scenes = self._scenes[episode.id]
         self._without_scene = sensors_without_scene(episode, scenes, self.options)
-        self._ground = self._grounds[episode.document["map"]]
+        self._ground = self._grounds[self._towns[episode.id]]
         step = self._steps[episode.id]
         start_s = _EPOCH_S + self._number * _EPISODE_APART_S
         can_bus = self._folder / "can_bus"
@@ -151,7 +153,7 @@ class NuScenes(Exporter):
         """Write maps and splits."""
         for name, ground in self._grounds.items():
             mask = ground.write(self._folder)
-            on_map = [e for e in self._episodes if e.document["map"] == name]
+            on_map = [e for e in self._episodes if self._towns[e.id] == name]
             logs = [token(scene.key, "log") for e in on_map for scene in self._scenes[e.id]]
             self._tables.add(
                 "map",
@@ -160,7 +162,7 @@ class NuScenes(Exporter):
                     "log_tokens": logs,
                     "category": "semantic_prior",
                     "filename": mask,
-                    "carla_map": name,
+                    "carla_map": on_map[0].document["map"],
                     "global_from_enu_m": list(ground.shift_m),
                 },
             )

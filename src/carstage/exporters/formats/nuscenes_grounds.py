@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +27,7 @@ from carstage.vector_map import VectorMap
 EXPANSION: Final = "maps/expansion"
 _MARGIN_M, _STEP_M = 150.0, 100.0
 _MOST_MASK_M = 4000.0
+_HASH_DIGITS = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,25 +65,43 @@ class Ground:
         return mask
 
 
+def town_names(episodes: Iterable[Episode]) -> dict[str, str]:
+    """The town of each episode by the episode's id: the map's name.
+
+    Of towns that share a name, and have different vector maps, the map's hash is in it, too.
+    """
+    named = {e.id: (e.document["map"], e.document.get("vector_map")) for e in episodes}
+    maps = Counter(name for name, found in set(named.values()) if found is not None)
+    return {
+        episode: name
+        if found is None or maps[name] == 1
+        else f"{name}-{found.partition(':')[2][:_HASH_DIGITS]}"
+        for episode, (name, found) in named.items()
+    }
+
+
 def grounds_of(
-    episodes: Sequence[Episode], *, nuscenes_locations: bool, lost_maps: Container[str] = ()
+    episodes: Sequence[Episode],
+    towns: Mapping[str, str],
+    *,
+    nuscenes_locations: bool,
+    lost_maps: Container[str] = (),
 ) -> dict[str, Ground]:
-    """The ground of each map by the map's name.
+    """The ground of each town by its name.
 
     Args:
         episodes: all that are exported.
+        towns: see :func:`town_names`.
         nuscenes_locations: whether maps get the names of the devkit's four locations.
         lost_maps: ids of the episodes whose vector map is missing or damaged.
 
     Raises:
         BadInputError: there are more maps than names, or one is larger than the devkit draws.
     """
-    names = sorted({episode.document["map"] for episode in episodes})
+    names = sorted(set(towns.values()))
     locations = _locations(names, nuscenes_locations=nuscenes_locations)
     return {
-        name: _ground(
-            [e for e in episodes if e.document["map"] == name], *locations[name], lost_maps
-        )
+        name: _ground([e for e in episodes if towns[e.id] == name], *locations[name], lost_maps)
         for name in names
     }
 

@@ -12,7 +12,7 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager, nullco
 from datetime import timedelta
 
 from carstage.cli.output import note
-from carstage.runs import events, size_text
+from carstage.runs import CurrentEpisode, events, size_text
 
 _PLAIN_EVERY_S = 5.0
 _STEPS_EVERY_S = 15.0
@@ -58,16 +58,22 @@ class LineProgress:
         self._write = write
         self._clock_s = clock_s
         self._next_s = 0.0
+        self._committed = ""
+        self._began: tuple[float, float] | None = None
 
     def __call__(self, event: events.RunEvent) -> None:
         """Write what an event says; of progress, a line if the last one is some seconds old."""
         for sentence in sentences_of(event):
             self._write(sentence)
+        if isinstance(event, events.EpisodeCommitted):
+            self._committed = event.episode_id
         if not isinstance(event, events.Progress):
             return
         current, now_s = event.current, self._clock_s()
         if current is None or now_s < self._next_s:
             return
+        if current.episode_id == self._committed and not event.workers:
+            return  # it counts as one of those before
         self._next_s = now_s + _PLAIN_EVERY_S
         if event.workers:
             self._write(_line_of_workers(event))
@@ -77,8 +83,24 @@ class LineProgress:
         self._write(
             f"Episode {number} of {counts.total}: "
             f"recorded {_of(current.ticks_done, current.ticks_total)} steps, "
-            f"converted {_of(current.frames_converted, current.frames_total)} frames."
+            f"converted {_of(current.frames_converted, current.frames_total)} frames"
+            f"{_time_left(self._left_s(event, current, now_s))}."
         )
+
+    def _left_s(
+        self, event: events.Progress, current: CurrentEpisode, now_s: float
+    ) -> float | None:
+        """Seconds that the rest takes at the pace of the steps since the first line."""
+        if not current.ticks_total:
+            return None
+        counts = event.episodes
+        done = counts.committed + counts.failed + current.ticks_done / current.ticks_total
+        if self._began is None:
+            self._began = (now_s, done)
+        began_s, before = self._began
+        if done <= before:
+            return None
+        return (now_s - began_s) * (counts.total - counts.skipped - done) / (done - before)
 
 
 def _of(done: int, total: int) -> str:
@@ -95,9 +117,11 @@ def _line_of_workers(progress: events.Progress) -> str:
             steps = f"{one.current.ticks_done}/{one.current.ticks_total} steps"
             what = f"episode {one.current.index + 1}, {steps}"
         parts.append(f"worker {one.worker}: {what}")
-    if progress.eta_s is not None:
-        parts.append(f"about {timedelta(seconds=round(progress.eta_s))} left")
-    return "; ".join(parts) + "."
+    return "; ".join(parts) + _time_left(progress.eta_s) + "."
+
+
+def _time_left(left_s: float | None) -> str:
+    return "" if left_s is None else f"; about {timedelta(seconds=round(left_s))} left"
 
 
 def watch_run() -> AbstractContextManager[events.OnEvent]:

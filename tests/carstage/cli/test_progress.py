@@ -30,7 +30,22 @@ def test_log_gets_a_line_every_five_seconds() -> None:
         progress(progress_of(ticks * 10, ticks * 5))
     assert lines == [
         "Episode 2 of 3: recorded 0/50 steps, converted 0/50 frames.",
-        "Episode 2 of 3: recorded 30/50 steps, converted 15/50 frames.",
+        "Episode 2 of 3: recorded 30/50 steps, converted 15/50 frames; about 0:00:12 left.",
+    ]
+
+
+def test_an_episode_that_is_in_the_dataset_is_not_told_of_as_the_next() -> None:
+    lines: list[str] = []
+    clock_s = iter([0.0, 10.0, 20.0])
+    progress = LineProgress(lines.append, lambda: next(clock_s))
+    first = CurrentEpisode("e", 0, "a1", 40, 50, 30, 50)
+    progress(events.Progress("recording", EpisodeCounts(total=1), first))
+    progress(events.EpisodeCommitted("e", "a1"))
+    last = replace(first, ticks_done=50, frames_converted=50)
+    progress(events.Progress("recording", EpisodeCounts(total=1, committed=1), last))
+    assert lines == [
+        "Episode 1 of 1: recorded 40/50 steps, converted 30/50 frames.",
+        "Episode e is in the dataset.",
     ]
 
 

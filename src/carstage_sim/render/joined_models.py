@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from carstage_sim.render.cast import Geometry, empty_geometry
 
-_FIRST_ROWS = 1 << 12
-"""Rows that an array has room for at first; memory is used as rows come."""
+_FIRST_NODES, _FIRST_TRIANGLES = 1 << 17, 1 << 20
+"""What there is room for at first. Memory is used as rows come; to make room takes a copy."""
 
 
 class Surfaces(NamedTuple):
@@ -96,8 +96,8 @@ class Joined:
 class _Rows:
     """An array that grows at its end; what somebody reads of it stays as it is."""
 
-    def __init__(self, like: NDArray[Any]) -> None:
-        self._rows = np.empty((_FIRST_ROWS, *like.shape[1:]), like.dtype)
+    def __init__(self, like: NDArray[Any], room: int) -> None:
+        self._rows = np.empty((room, *like.shape[1:]), like.dtype)
         self.count = 0
 
     def add(self, rows: NDArray[Any]) -> slice:
@@ -121,8 +121,8 @@ class JoinedModels:
     """Arrays of many models; one thread at a time changes them."""
 
     def __init__(self) -> None:
-        self._geometry = [_Rows(array) for array in empty_geometry()]
-        self._surfaces = [_Rows(array) for array in empty_surfaces()]
+        self._geometry = [_Rows(array, _FIRST_NODES) for array in empty_geometry()]
+        self._surfaces = [_Rows(array, _FIRST_TRIANGLES) for array in empty_surfaces()]
         self._view: tuple[Geometry, Surfaces] | None = None
 
     @property

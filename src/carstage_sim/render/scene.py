@@ -51,8 +51,9 @@ what is kept: that takes long."""
 QUICK = "~"
 """A model whose key has this mark is made as quickly as a stored one is read: it is not stored."""
 
-_PANES = (Material.FACADE_WINDOW, Material.SHOP_WINDOW, Material.HOUSE_DOOR)
-_WALLS = (Material.PLASTER, Material.CONCRETE)
+_NUMBERS = np.arange(256)
+_IS_PANE = np.isin(_NUMBERS, (Material.FACADE_WINDOW, Material.SHOP_WINDOW, Material.HOUSE_DOOR))
+_IS_WALL = np.isin(_NUMBERS, (Material.PLASTER, Material.CONCRETE))
 _WIDEST_PANE = 127
 
 _log = logging.getLogger(__name__)
@@ -207,8 +208,10 @@ def _panes(mesh: TriangleMesh) -> NDArray[np.uint16]:
     """
     half = np.zeros(len(mesh.triangles), np.uint16)
     index = mesh.triangles
-    glazed = np.isin(mesh.material, _PANES)
-    walls = np.flatnonzero(np.isin(mesh.material, _WALLS))
+    glazed = _IS_PANE[mesh.material]
+    walls = np.flatnonzero(_IS_WALL[mesh.material])
+    if not len(walls) and not glazed.any():
+        return half
     corners = mesh.vertices[index[walls], 2]
     # The first two corners of an upright rectangle's first half are as high as each other, the last
     # two of its second half.

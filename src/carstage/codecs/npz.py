@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import io
 import struct
+import tokenize
 import zipfile
+import zlib
 from collections.abc import Mapping
 from typing import Any
 
@@ -20,6 +22,11 @@ _LEVEL = 1
 _LOCAL = struct.Struct("<4sHHHHHIIIHH")
 _CENTRAL = struct.Struct("<4sHHHHHHIIIHHHHHII")
 _END = struct.Struct("<4sHHHHIIH")
+_DAMAGED = (
+    OSError, EOFError, KeyError, ValueError, RuntimeError, struct.error, tokenize.TokenError,
+    zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
+"""What numpy and zipfile raise, by where the damage is: an array's header is Python, say."""
 _VERSION, _DEFLATED = 20, 8
 _MIDNIGHT, _FIRST_OF_1980 = 0, 0x21
 
@@ -62,6 +69,6 @@ def unpack_npz(content: bytes, name: str) -> NDArray[Any]:
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
             array: NDArray[Any] = arrays[name]
-    except (OSError, EOFError, KeyError, ValueError, struct.error, zipfile.BadZipFile) as error:
+    except _DAMAGED as error:
         raise ValueError(f"damaged NPZ: {error}") from error
     return array

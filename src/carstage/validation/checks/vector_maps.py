@@ -12,18 +12,13 @@ from carstage.dataset.reading import Episode
 from carstage.errors import DatasetError, VectorMapError
 from carstage.geometry import FloatArray, GeoFrame
 from carstage.validation.checks.findings import Findings
-from carstage.vector_map import Junction, Lane, PaintedObject, VectorMap, vector_map
+from carstage.vector_map import Junction, Lane, VectorMap, vector_map
 
 _CLOSE_M = 0.025
 """Twice what a chord may be off its curve, and some."""
 _KINDS = (
     "lanes", "markings", "junctions", "crosswalks", "stop_lines", "signals", "painted_objects",
 )  # fmt: skip
-_PLACES = (
-    ("crosswalks", "outline"), ("stop_lines", "line"), ("signals", "place"),
-    ("painted_objects", "outline"),
-)  # fmt: skip
-_WORDS = ("predecessors", "successors", "type", "direction", "left_markings", "right_markings")
 
 
 class VectorMapChecks:
@@ -127,47 +122,42 @@ def _other(stored: VectorMap, made: VectorMap) -> str | None:
         )
         if ids != expected:
             return f"its {kind.replace('_', ' ')} are not those of the OpenDRIVE text"
-    for lane, expected_lane in zip(stored.lanes, made.lanes, strict=True):
-        if any(getattr(lane, name) != getattr(expected_lane, name) for name in _WORDS):
-            return f"lane {lane.id} is not what the OpenDRIVE text says"
-        if _apart_m(lane, expected_lane) > _CLOSE_M:
-            return f"lane {lane.id} is not where the OpenDRIVE text puts it"
-    for mark, expected_mark in zip(stored.markings, made.markings, strict=True):
-        words = (mark.type, mark.colour, mark.width_m, mark.lane_change)
-        if words != (
-            expected_mark.type,
-            expected_mark.colour,
-            expected_mark.width_m,
-            expected_mark.lane_change,
-        ):
-            return f"marking {mark.id} is not what the OpenDRIVE text says"
-    for paint, expected_paint in zip(stored.painted_objects, made.painted_objects, strict=True):
-        if _words_of(paint) != _words_of(expected_paint):
-            return f"painted object {paint.id} is not what the OpenDRIVE text says"
-    for kind, places in _PLACES:
+    for kind in _KINDS:
         for one, other in zip(getattr(stored, kind), getattr(made, kind), strict=True):
-            a, b = getattr(one, places), getattr(other, places)
-            if a.shape != b.shape or np.abs(a - b).max(initial=0.0) > _CLOSE_M:
-                return f"{kind.replace('_', ' ')[:-1]} {one.id} is not where the text puts it"
+            name = f"{kind.replace('_', ' ')[:-1]} {_id(one)}"
+            if _words_of(one) != _words_of(other):
+                return f"{name} is not what the OpenDRIVE text says"
+            if not _apart_m(one, other) <= _CLOSE_M:  # NaN is nowhere
+                return f"{name} is not where the OpenDRIVE text puts it"
     return None
 
 
-def _words_of(paint: PaintedObject) -> tuple[object, ...]:
-    return paint.name, paint.type, paint.subtype, paint.colour, paint.lanes
+def _words_of(feature: Any) -> dict[str, object]:
+    """The attributes of a feature that have to be equal."""
+    names = set(feature.__slots__) - _places_of(feature).keys()
+    return {name: getattr(feature, name) for name in names}
 
 
-def _apart_m(lane: Lane, other: Lane) -> float:
-    """How far a lane is from another one with its id, at its own stations.
+def _places_of(feature: Any) -> dict[str, FloatArray]:
+    """The attributes of a feature in metres, which rounding and chords may change a little."""
+    values = ((name, getattr(feature, name)) for name in feature.__slots__)
+    return {name: value for name, value in values if isinstance(value, np.ndarray)}
 
-    A section may be so short that several points share a station; there the points are compared.
-    """
-    if np.array_equal(lane.s_m, other.s_m):
-        apart = [
-            getattr(lane, name) - getattr(other, name)
-            for name in ("centre_line", "left_boundary", "right_boundary")
-        ]
-        widths = np.abs(lane.width_m - other.width_m).max()
-        return float(max(np.abs(apart).max(), widths))
+
+def _apart_m(one: Any, other: Any) -> float:
+    """How far a feature is from another one with its id and its words."""
+    if isinstance(one, Lane) and not np.array_equal(one.s_m, other.s_m):
+        return float(np.max([_off_m(one, other), _off_m(other, one)]))
+    theirs = _places_of(other)
+    apart = [
+        np.inf if a.shape != theirs[name].shape else np.abs(a - theirs[name]).max(initial=0.0)
+        for name, a in _places_of(one).items()
+    ]
+    return float(np.max(apart, initial=0.0))
+
+
+def _off_m(lane: Lane, other: Lane) -> float:
+    """How far a lane is, at its own stations, from another one that has others."""
     along, order = np.sort(lane.s_m), np.argsort(lane.s_m)
     theirs = np.argsort(other.s_m)
     apart = [

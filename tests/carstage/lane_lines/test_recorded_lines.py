@@ -10,12 +10,15 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 import analytic_scene
 import small_maps
-from analytic_dataset import attempt_of, edit_rows
+from analytic_dataset import attempt_of, edit_rows, recommit
 from carstage.dataset import Dataset
+from carstage.dataset.tables import read_table
 from carstage.rawlog.writing import write_episode_file, write_map_file
 from carstage.report.lane_lines import lane_lines_section
 from carstage.runs.attempt_commit import AttemptCommit
@@ -175,6 +178,16 @@ def test_a_line_that_is_there_twice_is_found(dataset: Path) -> None:
     edit_rows(dataset, FILE, edited)
     (message,) = found(dataset)
     assert message.endswith("is there twice")
+
+
+@pytest.mark.parametrize("column", ["map_id", "u", "visible", "visible_share"])
+def test_a_null_is_found(dataset: Path, column: str) -> None:
+    path = attempt_of(dataset) / FILE
+    table = read_table(path)
+    values = pa.array([None, *table[column].to_pylist()[1:]])
+    pq.write_table(table.set_column(table.column_names.index(column), column, values), path)
+    recommit(dataset)
+    assert any(f"{FILE}: {column} is null in 1 rows." in one for one in found(dataset))
 
 
 def test_a_missing_table_is_found(dataset: Path) -> None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pyarrow as pa
 
+from carstage.annotation.schema import CONTROL_COLUMNS, CONTROLS
 from carstage.dataset.reading import Episode
-from carstage.dataset.tables import require_columns
-from carstage.spec import Command
 from carstage.validation.checks.findings import Findings
 from carstage.validation.checks.labels import LabelTables
 from carstage.validation.checks.recomputing import entries
+from carstage.validation.checks.table_schema import require_rows
 
 _OF_THE_LEDGER = ("tick", "k", "server_frame")
 _APPLIED = ("throttle", "steer", "brake", "hand_brake")
@@ -31,7 +31,7 @@ def check_controls(
     table = episode.controls()
     if table is None:
         return
-    require_columns(table, (*_OF_THE_LEDGER, "episode_id", *Command._fields), "controls.parquet")
+    require_rows(table, CONTROL_COLUMNS, CONTROLS)
     for name in _OF_THE_LEDGER:
         if entries(table, name) != entries(ledger, name):
             findings.add("controls", f"{name} of controls.parquet is not the ledger's")

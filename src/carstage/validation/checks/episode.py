@@ -33,6 +33,7 @@ from carstage.validation.checks.population import Population, check_episode_popu
 from carstage.validation.checks.radars import check_cross_sections, check_radar_counts
 from carstage.validation.checks.readings import check_readings, check_sensor_poses
 from carstage.validation.checks.server import check_self_test
+from carstage.validation.checks.table_schema import require_ledger
 from carstage.validation.checks.tracks import check_tracks
 
 
@@ -54,7 +55,7 @@ def check_episode(episode: Episode, listing: Listing, findings: Findings) -> Tab
             files.read(name)
         for name in tables_of(episode):
             files.read(name)
-    ledger = episode.ledger()
+    ledger = require_ledger(episode.ledger())
     recorded = recorded_frames(episode.calibration.sensors, ledger)
     check_file_list(episode, recorded, findings)
     check_ledger(episode, ledger, findings)
@@ -64,8 +65,9 @@ def check_episode(episode: Episode, listing: Listing, findings: Findings) -> Tab
     check_row_sensors(episode, ledger, recorded, findings)
     check_self_test(episode, findings)
     tables = LabelTables.load(episode)
-    check_labels(episode, tables, saved_times_s(ledger), findings)
     check_nulls(episode, tables, findings)
+    tables.require_values(episode)
+    check_labels(episode, tables, saved_times_s(ledger), findings)
     check_ego_columns(episode, tables, findings)
     check_object_columns(episode, tables, findings)
     check_camera_columns(episode, tables, findings)

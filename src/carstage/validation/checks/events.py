@@ -11,8 +11,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from carstage.annotation.events import HAPPENED, NEVER_BEGAN, NOT_PLACED
+from carstage.annotation.schema import EVENT_COLUMNS, EVENTS
 from carstage.dataset.reading import Episode
-from carstage.dataset.tables import require_columns
 from carstage.geometry import FloatArray, rotation_matrix
 from carstage.geometry.ground_rectangles import (
     Rectangles,
@@ -25,11 +25,8 @@ from carstage.spec.story_parts import StoryPart
 from carstage.validation.checks.findings import Findings
 from carstage.validation.checks.labels import LabelTables
 from carstage.validation.checks.recomputing import entries, numbers, rows_at
+from carstage.validation.checks.table_schema import require_rows
 
-_COLUMNS = (
-    "event", "kind", "episode_id", "state", "reason", "placed_tick", "begin_tick", "end_tick",
-    "begin_s", "end_s", "actors", "parameters", "min_distance", "min_ttc", "collision",
-)  # fmt: skip
 _SMALL = 1e-6
 _DISTANCE_M = 0.02
 _TTC_S, _TTC_SHARE = 0.02, 0.02
@@ -50,7 +47,7 @@ def check_events(
     table = episode.events()
     if table is None:
         return
-    require_columns(table, _COLUMNS, "events.parquet")
+    require_rows(table, EVENT_COLUMNS, EVENTS)
     rows = table.to_pylist()
     if set(entries(table, "episode_id")) - {episode.id}:
         findings.add("events", "episode_id of events.parquet is not the episode's")

@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from carstage.annotation.schema import TABLES
 from carstage.dataset.ledger import saved_times_s
 from carstage.dataset.reading import Episode
-from carstage.dataset.tables import require_columns
 from carstage.errors import CarStageError
 from carstage.validation.checks.findings import Findings
+from carstage.validation.checks.table_schema import require_ledger, require_rows
 
 _SAME_M = 1e-6
 """All tables are made of the same snapshots."""
@@ -32,7 +33,7 @@ def check_fleet(episode: Episode, findings: Findings) -> None:
         if not views:
             return
         times_s, objects = (
-            saved_times_s(episode.ledger()),
+            saved_times_s(require_ledger(episode.ledger())),
             _places(episode.objects(), "objects.parquet"),
         )
     except CarStageError:
@@ -56,7 +57,10 @@ def _check_agent(
     whose = f"agent {name}: "
     if view.spec != episode.spec.seen_by(name) or view.document.get("agent") != name:
         findings.add("fleet", f"{whose}its episode.json is not of this agent of the episode")
-    if view.id != view.document["episode_id"] or saved_times_s(view.ledger()) != times_s:
+    if (
+        view.id != view.document["episode_id"]
+        or saved_times_s(require_ledger(view.ledger())) != times_s
+    ):
         findings.add("fleet", f"{whose}it has other frames, or other times, than the ego")
     places = _places(view.objects(), "objects.parquet")
     own = _places(view.ego(), "ego.parquet", "location")
@@ -112,6 +116,6 @@ def _places(
     table: pa.Table, file: str, column: str = "actor_location"
 ) -> dict[tuple[int, int], Any]:
     """Places in the world (m) by frame and track."""
-    require_columns(table, [*_KEYS, column], file)
+    require_rows(table, [c for c in TABLES[file] if c.name in (*_KEYS, column)], file)
     rows = table.select([*_KEYS, column]).to_pylist()
     return {(row["k"], row["track_id"]): row[column] for row in rows}

@@ -58,6 +58,7 @@ from carstage.validation.checks.ranging import (
 from carstage.validation.checks.recomputing import entries
 from carstage.validation.checks.silhouettes import check_silhouettes, visible_objects
 from carstage.validation.checks.sweeps import SWEEPING, check_sweep
+from carstage.validation.checks.table_schema import require_ledger
 from carstage.validation.checks.tag_images import check_tags
 
 SKY = next(number for number, tag in TAGS_0_9_14.items() if tag.name == "Sky")
@@ -85,12 +86,13 @@ class FrameChecks:
         self._episode, self._threads = episode, threads
         self._figures = FrameFigures()
         self._files = VerifiedFiles(episode, listing, findings)
-        ledger = episode.ledger()
+        ledger = require_ledger(episode.ledger())
         self._recorded = {
             name: frozenset(frames)
             for name, frames in recorded_frames(episode.calibration.sensors, ledger).items()
         }
         tables = LabelTables.load(episode)
+        tables.require_values(episode)
         self._paints = paints_of(episode.document["actors"])
         weathers = zip(entries(tables.ego, "k"), entries(tables.ego, "weather"), strict=True)
         self._clear = frozenset(k for k, text in weathers if is_clear_day(json.loads(text)))

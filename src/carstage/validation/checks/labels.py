@@ -13,13 +13,14 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
+from carstage.annotation.schema import SENSOR_POSE_COLUMNS, TABLES
 from carstage.dataset.reading import Episode
-from carstage.dataset.tables import require_columns
 from carstage.geometry import invert_pose, length, multiply, pose_matrix
 from carstage.sensor_kinds.model import DETECTIONS, POINTS
 from carstage.validation.checks.findings import Findings
 from carstage.validation.checks.ledger import TIMESTAMP_TOLERANCE_S
 from carstage.validation.checks.recomputing import numbers, rows_at
+from carstage.validation.checks.table_schema import require_schema, require_values
 
 _PI = math.pi
 _RANGES: dict[str, dict[str, tuple[float, float]]] = {
@@ -77,11 +78,6 @@ _CAMERA_COLUMNS = (
     "crosses_near", "n_visible", "n_occluded", "n_outside", "n_behind",
 )  # fmt: skip
 _EGO_COLUMNS = ("k", "location", "rotation_deg")
-_COLUMNS: dict[str, tuple[str, ...]] = {
-    "objects": (*_BOX_COLUMNS, "class", "actor_location", "velocity"),
-    "camera_objects": (*_CAMERA_COLUMNS, "visible"),
-    "ego": (*_EGO_COLUMNS, "velocity"),
-}
 _POSE_TOLERANCE_M = 0.01
 
 
@@ -98,13 +94,23 @@ class LabelTables:
         """Read them.
 
         Raises:
-            DatasetError: one is missing, damaged, or lacks a column that the checks read.
+            DatasetError: one is missing, damaged, or lacks a column or holds something else there.
         """
         tables = cls(episode.objects(), episode.camera_objects(), episode.ego())
         for name, table in tables.named().items():
-            columns = ("timestamp_s", *_KEYS[name], *_RANGES[name], *_COLUMNS[name])
-            require_columns(table, columns, f"{name}.parquet")
+            require_schema(table, TABLES[f"{name}.parquet"], f"{name}.parquet")
+        require_schema(episode.sensor_poses(), SENSOR_POSE_COLUMNS, "sensor_poses.parquet")
         return tables
+
+    def require_values(self, episode: Episode) -> None:
+        """Refuse tables, and that of poses, that lack a value where none may be missing.
+
+        Raises:
+            DatasetError: names the first table and column; the check of nulls names all.
+        """
+        for name, table in self.named().items():
+            require_values(table, TABLES[f"{name}.parquet"], f"{name}.parquet")
+        require_values(episode.sensor_poses(), SENSOR_POSE_COLUMNS, "sensor_poses.parquet")
 
     @cached_property
     def world_from_ego(self) -> dict[int, NDArray[np.float64]]:

@@ -8,22 +8,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage.annotation.schema import LANE_LINE_COLUMNS, LANE_LINES
 from carstage.dataset.reading import Episode
 from carstage.dataset.saved_frames import RowsByFrame
-from carstage.dataset.tables import require_columns
 from carstage.errors import DatasetError
 from carstage.geometry import pose_matrix
 from carstage.lane_lines import PictureView, TownLines, lines_in_view
 from carstage.validation.checks.findings import Findings
 from carstage.validation.checks.labelled_cameras import LabelledCameras
+from carstage.validation.checks.table_schema import require_rows
 
-_FILE = "lane_lines.parquet"
 _TOLERANCE = 0.011
 """Pixels and metres: values are rounded."""
 _PLACES = ("u", "v", "x", "y", "z")
 _SEEN = ("visible", "visible_share")
 _SAME = ("kind", "map_id", "part", "type", "colour", "width")
-_COLUMNS = ("k", "sensor_id", *_SAME, *_PLACES, *_SEEN)
 _Key = tuple[str, str, int]
 
 
@@ -42,7 +41,7 @@ class LaneLineChecks:
         self._rows: RowsByFrame | None = None
         if table is None:
             return
-        require_columns(table, _COLUMNS, _FILE)
+        require_rows(table, LANE_LINE_COLUMNS, LANE_LINES)
         try:
             town = episode.vector_map()
         except DatasetError:

@@ -31,8 +31,10 @@ def check_level_boxes(tables: LabelTables, findings: Findings) -> None:
     names: list[Any] = static["class"].to_pylist()
     classes = {track: name for track, name in zip(tracks, names, strict=True) if name in _SOLID}
     ids = static["track_id"].combine_chunks()
-    known = pc.and_(pc.is_in(seen["track_id"], value_set=ids), pc.is_valid(seen["hull_px"]))
     columns = ("visible_px", "front_px", "hull_px")
+    known: Any = pc.is_in(seen["track_id"], value_set=ids)
+    for name in columns:
+        known = pc.and_(known, pc.is_valid(seen[name]))
     sums = seen.filter(known).group_by("track_id").aggregate([(name, "sum") for name in columns])
     for row in sorted(sums.to_pylist(), key=lambda row: row["track_id"]):
         track, own_px = row["track_id"], row["visible_px_sum"]

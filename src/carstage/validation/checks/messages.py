@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from carstage.annotation.schema import OBJECT_COLUMNS
 from carstage.dataset.messages import V2X
 from carstage.dataset.reading import Episode, Sensor
-from carstage.dataset.tables import require_columns, row_sensor
+from carstage.dataset.tables import row_sensor
 from carstage.errors import CarStageError
 from carstage.geometry import compass_rad
 from carstage.validation.checks.findings import Findings
+from carstage.validation.checks.table_schema import require_rows
 
 _PLACE_M, _HEADING_DEG, _SPEED_M_S = 0.2, 0.2, 0.02
 _TURN_DEG_S, _ACCELERATION_M_S2 = 60.0, 15.0
@@ -71,7 +73,7 @@ def _messages(row: Mapping[str, Any]) -> list[dict[str, float]]:
 
 def _senders(objects: pa.Table) -> dict[tuple[int, int], Mapping[str, Any]]:
     names = ["k", "track_id", "actor_location", "actor_rotation_deg", "velocity"]
-    require_columns(objects, names, "objects.parquet")
+    require_rows(objects, [c for c in OBJECT_COLUMNS if c.name in names], "objects.parquet")
     rows = objects.select(names).to_pylist()
     return {(row["k"], row["track_id"]): row for row in rows}
 

@@ -125,6 +125,8 @@ def wrong_vertices(
             "n_outside": ahead[number] & ~inside[number],
         }
         for column, is_one in counts.items():
+            if row[column] is None:
+                continue  # the check of nulls says so
             wanted = int((is_one & sure[number]).sum())
             if not wanted <= row[column] <= wanted + unsure:
                 about = f"{wanted}" if not unsure else f"{wanted} to {wanted + unsure}"
@@ -177,7 +179,7 @@ def wrong_fronts(
         camera.ego_from_sensor[:3, :3] @ OPTICAL_FROM_SENSOR.T @ np.linalg.inv(camera.k)
     )
     found = []
-    known = [(row, box) for row, box in known if row["hull_px"]]
+    known = [(row, box) for row, box in known if row["hull_px"] and row["front_px"] is not None]
     for (row, box), (x0, y0, x1, y1) in zip(known, _regions(camera, known), strict=True):
         step = max(1, int(np.sqrt((x1 - x0) * (y1 - y0) / _SAMPLES)))
         v, u = (one.ravel() for one in np.mgrid[y0:y1:step, x0:x1:step])

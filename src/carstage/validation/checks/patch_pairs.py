@@ -10,15 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from carstage.annotation.schema import EGO_COLUMNS, PATCH_COLUMNS, PATCHES
 from carstage.dataset.reading import Episode, Sensor
 from carstage.dataset.saved_frames import RowsByFrame
-from carstage.dataset.tables import require_columns
 from carstage.dataset.variants import EpisodeVariants
 from carstage.errors import CarStageError
 from carstage.sensor_kinds.model import COLOUR, DEPTH
 from carstage.spec import EpisodeSpec
 from carstage.spec.patches import PatchSpec
 from carstage.validation.checks.findings import Findings
+from carstage.validation.checks.table_schema import require_rows, require_schema
 
 _RIM_PX = 3.0
 """Pixels at the edge of a patch are the mean of rays on both sides, and smaller ones take the
@@ -93,6 +94,7 @@ def _compare(one: Episode, other: Episode, findings: Findings, figures: PairFigu
     table = one.patches()
     if table is None:
         return
+    require_rows(table, PATCH_COLUMNS, PATCHES)
     rows = RowsByFrame(table)
     sensors = {sensor.id: sensor for sensor in other.sensors}
     is_wet = _is_wet(one)
@@ -176,7 +178,7 @@ def patch_pixels(rows: list[dict[str, Any]], height: int, width: int) -> NDArray
 def _is_wet(episode: Episode) -> bool:
     """Whether it rains, or water lies anywhere, in some frame of an episode."""
     table = episode.ego()
-    require_columns(table, ("weather",), "ego.parquet")
+    require_schema(table, [c for c in EGO_COLUMNS if c.name == "weather"], "ego.parquet")
     texts = table["weather"].unique().to_pylist()
     weathers = [json.loads(text) for text in texts if text is not None]
     return any(float(one.get(name, 0.0)) > 0.0 for one in weathers for name in _WET)

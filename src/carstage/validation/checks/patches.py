@@ -12,10 +12,10 @@ from carstage.annotation.patches import PatchView, patch_in_view
 from carstage.annotation.schema import PATCH_COLUMNS, PATCHES
 from carstage.dataset.reading import Episode
 from carstage.dataset.saved_frames import RowsByFrame
-from carstage.dataset.tables import require_columns
 from carstage.geometry import pose_matrix
 from carstage.validation.checks.findings import Findings
 from carstage.validation.checks.labelled_cameras import LabelledCameras
+from carstage.validation.checks.table_schema import require_rows
 
 _TOLERANCE = 0.02
 """Pixels, metres, cosines and shares: values are rounded, corners to a tenth of a millimetre."""
@@ -38,7 +38,7 @@ class PatchChecks:
         table = episode.patches()
         if table is None:
             return
-        require_columns(table, [column.name for column in PATCH_COLUMNS], PATCHES)
+        require_rows(table, PATCH_COLUMNS, PATCHES)
         self._rows = RowsByFrame(table)
         self._specs = {patch.name: patch for patch in episode.spec.patches}
         self._poses = RowsByFrame(

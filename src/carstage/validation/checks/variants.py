@@ -8,19 +8,21 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from carstage.annotation.schema import OBJECT_COLUMNS
 from carstage.dataset.ledger import saved_times_s
 from carstage.dataset.reading import Episode
-from carstage.dataset.tables import require_columns
 from carstage.dataset.tracks import may_come_back
 from carstage.dataset.variants import EpisodeVariants
 from carstage.errors import CarStageError
 from carstage.validation.checks.findings import Findings
+from carstage.validation.checks.table_schema import require_ledger, require_rows
 
 SAME_M = 0.01
 """Places that are nearer than this count as the same: a pixel at 10 m of a camera with 1000 px."""
 SAME_DEG = 0.1
 _SAME_S = 1e-6
-_COLUMNS = ("k", "track_id", "class", "is_static", "actor_location", "actor_rotation_deg")
+_NAMES = ("k", "track_id", "class", "is_static", "actor_location", "actor_rotation_deg")
+_COLUMNS = [column for column in OBJECT_COLUMNS if column.name in _NAMES]
 
 
 @dataclass(slots=True)
@@ -72,7 +74,7 @@ def check_variants(variants: EpisodeVariants, findings: Findings, figures: Varia
     """
     first, *others = variants.names
     try:
-        times_s = saved_times_s(variants[first].ledger())
+        times_s = saved_times_s(require_ledger(variants[first].ledger()))
         poses = _poses(variants[first])
     except CarStageError:
         return  # the checks of its files say so
@@ -80,7 +82,7 @@ def check_variants(variants: EpisodeVariants, findings: Findings, figures: Varia
     for name in others:
         try:
             other_times_s, other_poses = (
-                saved_times_s(variants[name].ledger()),
+                saved_times_s(require_ledger(variants[name].ledger())),
                 _poses(variants[name]),
             )
         except CarStageError:
@@ -103,7 +105,7 @@ def _poses(episode: Episode) -> _Poses:
         DatasetError: a table is missing or damaged.
     """
     table = episode.objects()
-    require_columns(table, _COLUMNS, "objects.parquet")
+    require_rows(table, _COLUMNS, "objects.parquet")
     table = table.filter(pa.array(~may_come_back(table)))
     k, ids = (table[name].to_numpy().astype(np.int64) for name in ("k", "track_id"))
     columns = (table[name].to_pylist() for name in ("actor_location", "actor_rotation_deg"))

@@ -1,0 +1,131 @@
+"""Tables that do not hold what their format says are reported, whatever they hold instead."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from analytic_dataset import attempt_of, make_dataset, recommit
+from carstage.dataset.tables import read_table
+from carstage.validation import validate_dataset
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("tables")
+    return make_dataset(folder / "out", folder / "raw", steps=2, size=(96, 64))
+
+
+@pytest.fixture
+def dataset(whole: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(whole, tmp_path / "out"))
+
+
+def found(dataset: Path, *checks: str) -> list[str]:
+    problems = validate_dataset(dataset, workers=0).problems
+    return [one.message for one in problems if not checks or one.check in checks]
+
+
+def rewrite(dataset: Path, file: str, table: pa.Table) -> None:
+    """As other programs do: nothing is said of nulls, lists have no fixed size."""
+    pq.write_table(table, attempt_of(dataset) / file)
+    recommit(dataset)
+
+
+def edit(dataset: Path, file: str, column: str, change: Callable[[list[Any]], list[Any]]) -> None:
+    table = read_table(attempt_of(dataset) / file)
+    values = pa.array(change(table[column].to_pylist()))
+    rewrite(dataset, file, table.set_column(table.column_names.index(column), column, values))
+
+
+def of_last(change: Callable[[Any], Any]) -> Callable[[list[Any]], list[Any]]:
+    """Change the last value that there is."""
+
+    def changed(values: list[Any]) -> list[Any]:
+        last = max(i for i, value in enumerate(values) if value is not None)
+        return [change(value) if i == last else value for i, value in enumerate(values)]
+
+    return changed
+
+
+def as_text(values: list[Any]) -> list[Any]:
+    return list(map(str, values))
+
+
+cut, gap = of_last(lambda value: value[:-1]), of_last(lambda value: [None, *value[1:]])
+gone = of_last(lambda value: None)
+
+
+@pytest.mark.parametrize(
+    ("file", "column", "change", "said"),
+    [
+        ("objects.parquet", "k", as_text, "string, not i32"),
+        ("objects.parquet", "velocity", as_text, "string, not f64[3]"),
+        ("objects.parquet", "box_extent", cut, "lists that are no f64[3]"),
+        ("objects.parquet", "actor_location", gap, "lists that are no f64[3]"),
+        ("camera_objects.parquet", "bbox_amodal", cut, "lists that are no f64[4]"),
+        ("camera_objects.parquet", "corners_uv", cut, "lists that are no f64[8][2]"),
+        ("camera_objects.parquet", "n_visible", of_last(lambda v: v + 0.5), "double, not u8"),
+        ("ego.parquet", "weather", of_last(lambda v: "sun"), "text that is no JSON object"),
+        ("sensor_poses.parquet", "location", cut, "lists that are no f64[3]"),
+        ("frames.parquet", "timestamp_s", as_text, "string, not f64"),
+    ],
+)
+def test_a_column_of_something_else_is_named(
+    dataset: Path, file: str, column: str, change: Callable[[list[Any]], list[Any]], said: str
+) -> None:
+    edit(dataset, file, column, change)
+    assert f"{file}: column {column} holds {said}." in found(dataset, "unreadable")
+
+
+@pytest.mark.parametrize(
+    ("file", "column"),
+    [
+        ("camera_objects.parquet", "center_cam"),
+        ("ego.parquet", "weather"),
+        ("sensor_poses.parquet", "ego_from_sensor"),
+    ],
+)
+def test_a_column_that_is_missing_is_named(dataset: Path, file: str, column: str) -> None:
+    rewrite(dataset, file, read_table(attempt_of(dataset) / file).drop_columns([column]))
+    assert f"{file} has no column {column}." in found(dataset, "unreadable")
+
+
+@pytest.mark.parametrize(
+    ("file", "column"),
+    [
+        ("objects.parquet", "timestamp_s"),
+        ("camera_objects.parquet", "track_id"),
+        ("ego.parquet", "location"),
+        ("sensor_poses.parquet", "rotation_deg"),
+    ],
+)
+def test_a_value_that_everything_needs_is_missed(dataset: Path, file: str, column: str) -> None:
+    edit(dataset, file, column, gone)
+    assert f"{file}: {column} is null in 1 rows." in found(dataset, "unreadable")
+    assert any(f"{file}: {column} of" in message for message in found(dataset, "label_nulls"))
+
+
+def test_a_ledger_without_a_time_is_named(dataset: Path) -> None:
+    edit(dataset, "frames.parquet", "timestamp_s", gone)
+    assert "frames.parquet: timestamp_s is null in 1 rows." in found(dataset, "unreadable")
+
+
+@pytest.mark.parametrize("column", ["n_occluded", "n_outside", "front_px", "hull_px", "visible_px"])
+def test_checks_go_on_where_a_count_is_null(dataset: Path, column: str) -> None:
+    edit(dataset, "camera_objects.parquet", column, gone)
+    assert any(f"{column} of" in message for message in found(dataset, "label_nulls"))
+    assert found(dataset, "unreadable") == []
+
+
+def test_other_programs_lists_and_whole_floats_will_do(dataset: Path) -> None:
+    edit(dataset, "objects.parquet", "velocity", list)
+    edit(dataset, "objects.parquet", "traffic_light_state", lambda values: [None] * len(values))
+    edit(dataset, "camera_objects.parquet", "visible_px", lambda values: list(map(float, values)))
+    assert found(dataset, "unreadable") == []

@@ -34,16 +34,14 @@ _ROAD_USERS: Final = frozenset(
 
 def check_cross_sections(episode: Episode, findings: Findings) -> None:
     """Report detections whose cross section fits nothing of their tag (check ``radar_rcs``)."""
-    kind = row_sensor(RCS_RADAR)
     for sensor in episode.sensors:
-        if sensor.kind != RCS_RADAR or kind is None or not sensor.table.schema.equals(kind.schema):
-            continue  # check_row_sensors says so
-        for row in sensor.table.to_pylist():
-            found = kind.array(row)
+        if sensor.kind != RCS_RADAR:
+            continue
+        for k, found in _detections(sensor):
             for what, wrong in _faults(found, sensor.calibration).items():
                 if wrong.any():
                     text = f"{int(wrong.sum())} of {len(found)} detections {what}"
-                    findings.add("radar_rcs", text, frame=row["k"], sensor=sensor.id)
+                    findings.add("radar_rcs", text, frame=k, sensor=sensor.id)
 
 
 def check_radar_counts(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -53,12 +54,14 @@ def check_gaps(objects: pa.Table, frames: int, *, ego_labelled: bool, findings: 
         if ego:
             egos.add(k)
     for track, present in sorted(ks_of.items()):
-        gap = set(range(min(present), max(present))) - present
-        if gap:
+        in_order = sorted(present)
+        gaps = [k + 1 for k, following in pairwise(in_order) if following > k + 1]
+        if gaps:
+            missing = in_order[-1] - in_order[0] + 1 - len(in_order)
             findings.add(
                 "label_gaps",
-                f"object {track} has no row in {len(gap)} frames between its first and its last",
-                frame=min(gap),
+                f"object {track} has no row in {missing} frames between its first and its last",
+                frame=gaps[0],
             )
     absent = set(range(frames)) - egos
     if ego_labelled and absent:

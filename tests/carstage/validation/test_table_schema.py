@@ -11,9 +11,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from analytic_dataset import attempt_of, make_dataset, recommit
+from analytic_dataset import attempt_of, edit_rows, make_dataset, recommit
 from carstage.dataset.tables import read_table
 from carstage.validation import validate_dataset
+
+NAN = float("nan")
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +61,7 @@ def as_text(values: list[Any]) -> list[Any]:
 
 
 cut, gap = of_last(lambda value: value[:-1]), of_last(lambda value: [None, *value[1:]])
-gone = of_last(lambda value: None)
+gone, not_a_number = of_last(lambda value: None), of_last(lambda value: NAN)
 
 
 @pytest.mark.parametrize(
@@ -122,6 +124,35 @@ def test_checks_go_on_where_a_count_is_null(dataset: Path, column: str) -> None:
     edit(dataset, "camera_objects.parquet", column, gone)
     assert any(f"{column} of" in message for message in found(dataset, "label_nulls"))
     assert found(dataset, "unreadable") == []
+
+
+@pytest.mark.parametrize(
+    ("file", "column", "change"),
+    [
+        ("objects.parquet", "timestamp_s", not_a_number),
+        ("objects.parquet", "box_extent", of_last(lambda value: [float("inf")] * 3)),
+        ("camera_objects.parquet", "bbox_amodal", of_last(lambda value: [NAN] * 4)),
+        ("camera_objects.parquet", "distance", not_a_number),
+        ("ego.parquet", "angular_velocity", of_last(lambda value: [*value[:2], NAN])),
+        ("sensor_poses.parquet", "timestamp_s", not_a_number),
+        ("frames.parquet", "timestamp_s", not_a_number),
+    ],
+)
+def test_what_is_no_number_is_found(
+    dataset: Path, file: str, column: str, change: Callable[[list[Any]], list[Any]]
+) -> None:
+    edit(dataset, file, column, change)
+    (message,) = set(found(dataset, "unreadable"))
+    assert message.startswith(f"{file}: {column} holds ")
+    assert message.endswith(" NaN or infinite values.")
+
+
+def test_a_reading_without_a_time_is_found(dataset: Path) -> None:
+    def change(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        return [*rows[:-1], rows[-1] | {"timestamp_s": NAN}]
+
+    edit_rows(dataset, "sensors/IMU.parquet", change)
+    assert any("the row is at nan s" in message for message in found(dataset, "timestamps"))
 
 
 def test_other_programs_lists_and_whole_floats_will_do(dataset: Path) -> None:

@@ -125,10 +125,11 @@ def check_row_sensors(
             )
         row_times: list[Any] = table["timestamp_s"].to_pylist()
         for k, time_s in zip(ks, row_times, strict=True):
-            if abs(time_s - times.get(k, time_s)) > TIMESTAMP_TOLERANCE_S:
+            at_s = times.get(k, time_s)
+            if not abs(time_s - at_s) <= TIMESTAMP_TOLERANCE_S:  # NaN is no time
                 findings.add(
                     "timestamps",
-                    f"the row is at {time_s:.6f} s, the frame at {times[k]:.6f} s",
+                    f"the row is at {time_s:.6f} s, the frame at {at_s:.6f} s",
                     frame=k,
                     sensor=sensor.id,
                 )

@@ -72,17 +72,25 @@ def require_ledger(ledger: pa.Table) -> pa.Table:
 
 
 def require_values(table: pa.Table, columns: Sequence[Column], file: str) -> None:
-    """Refuse a table that lacks a value where none may be missing.
+    """Refuse a table that lacks a value where none may be missing, or has NaN or infinity.
+
+    What is not known is null. A comparison with NaN finds nothing.
 
     Raises:
         DatasetError: names the first column.
     """
     for column in columns:
-        if column.nullable or column.name not in table.column_names:
+        if column.name not in table.column_names:
             continue
-        missing = table[column.name].null_count
-        if missing:
-            raise DatasetError(f"{file}: {column.name} is null in {missing} rows.")
+        values: Any = table[column.name]
+        if values.null_count and not column.nullable:
+            raise DatasetError(f"{file}: {column.name} is null in {values.null_count} rows.")
+        while _is_list(values.type):
+            values = pc.list_flatten(values)
+        if pa.types.is_floating(values.type):
+            strange = pc.sum(pc.invert(pc.is_finite(values))).as_py()
+            if strange:
+                raise DatasetError(f"{file}: {column.name} holds {strange} NaN or infinite values.")
 
 
 def _fits(values: Any, column: Column) -> bool:

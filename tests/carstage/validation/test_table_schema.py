@@ -114,6 +114,14 @@ def test_a_value_that_everything_needs_is_missed(dataset: Path, file: str, colum
     assert any(f"{file}: {column} of" in message for message in found(dataset, "label_nulls"))
 
 
+@pytest.mark.parametrize("column", ["box_center", "box_rotation_deg", "box_extent"])
+def test_a_box_without_a_part_is_named(dataset: Path, column: str) -> None:
+    edit(dataset, "objects.parquet", column, gone)
+    (message,) = set(found(dataset, "unreadable"))
+    assert "is not given where box_center is" in message
+    assert any(f"objects.parquet: {column} of" in one for one in found(dataset, "label_nulls"))
+
+
 def test_a_ledger_without_a_time_is_named(dataset: Path) -> None:
     edit(dataset, "frames.parquet", "timestamp_s", gone)
     assert "frames.parquet: timestamp_s is null in 1 rows." in found(dataset, "unreadable")

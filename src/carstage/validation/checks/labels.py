@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from carstage.annotation.schema import SENSOR_POSE_COLUMNS, TABLES
 from carstage.dataset.reading import Episode
+from carstage.errors import DatasetError
 from carstage.geometry import invert_pose, length, multiply, pose_matrix
 from carstage.sensor_kinds.model import DETECTIONS, POINTS
 from carstage.validation.checks.findings import Findings
@@ -69,8 +70,7 @@ _BOX_ROW_COLUMNS = (
     "is_static", "box_source",
 )  # fmt: skip
 _BOX_COLUMNS = (
-    *_BOX_ROW_COLUMNS, "box_center", "box_rotation_deg", "box_extent", "box_center_ego",
-    "box_rotation_ego_deg",
+    "box_center", "box_rotation_deg", "box_extent", "box_center_ego", "box_rotation_ego_deg",
 )  # fmt: skip
 _CAMERA_COLUMNS = (
     "k", "sensor_id", "track_id", "bbox_amodal", "bbox_modal", "mask_modal", "visible_px",
@@ -105,12 +105,18 @@ class LabelTables:
     def require_values(self, episode: Episode) -> None:
         """Refuse tables, and that of poses, that lack a value where none may be missing.
 
+        An object has all columns of a box, or none.
+
         Raises:
             DatasetError: names the first table and column; the check of nulls names all.
         """
         for name, table in self.named().items():
             require_values(table, TABLES[f"{name}.parquet"], f"{name}.parquet")
         require_values(episode.sensor_poses(), SENSOR_POSE_COLUMNS, "sensor_poses.parquet")
+        boxed = self.objects["box_center"].is_valid()
+        for name in _BOX_COLUMNS:
+            if self.objects[name].is_valid() != boxed:
+                raise DatasetError(f"objects.parquet: {name} is not given where box_center is.")
 
     @cached_property
     def world_from_ego(self) -> dict[int, NDArray[np.float64]]:

@@ -384,6 +384,16 @@ def test_a_wrong_value_in_a_table_is_found(
     assert check in failed_checks(dataset)
 
 
+def test_a_corner_that_is_lost_ahead_of_its_camera_is_found(dataset: Path) -> None:
+    def edit(rows: Rows) -> Rows:
+        row = next(r for r in rows if r["depth_center"] > 8.0 and None not in r["corners_uv"])
+        row["corners_uv"][3] = None
+        return rows
+
+    edit_rows(dataset, "camera_objects.parquet", edit)
+    assert failed_checks(dataset) == {"camera_columns"}
+
+
 def test_a_missing_row_of_a_row_sensor_is_found(dataset: Path) -> None:
     edit_rows(dataset, "sensors/IMU.parquet", lambda rows: rows[:-1])
     assert failed_checks(dataset) == {"frames_missing"}

@@ -248,8 +248,11 @@ def _check_corners(
     expected = camera.project(corners)
     near = corners[..., 2] if camera.bent is None else camera.bent.depth(corners)
     skipped = np.isnan(recorded) | (near[..., None] < _NEAR_CORNER_M)
+    lost = np.isnan(recorded) & (near[..., None] >= _NEAR_CORNER_M) & (camera.bent is None)
+    given = rows["corners_uv"].is_valid().to_numpy()
     off = np.where(skipped, 0.0, recorded - np.where(skipped, 0.0, expected))
     allowed = _PIXELS * (1.0 + np.abs(np.where(skipped, 0.0, expected)) / 1e3)
+    off[lost & given[:, None, None]] = np.inf
     same.column(
         "corners_uv", np.zeros(len(rows)), 1.0, recorded=(np.abs(off) / allowed).max(axis=(1, 2))
     )

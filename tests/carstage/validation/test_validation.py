@@ -322,6 +322,23 @@ def test_a_mask_that_misses_half_of_its_object_is_found(dataset: Path) -> None:
     assert any("the instance picture shows" in message for message in messages)
 
 
+def test_a_damaged_mask_of_a_painted_vehicle_is_one_problem(dataset: Path) -> None:
+    """Its pixels tell the order of colours; all else of the episode is checked still."""
+    path = attempt_of(dataset) / "episode.json"
+    document = json.loads(path.read_text())
+    for actor in document["actors"].values():
+        actor["attributes"]["color"] = "200,10,10"
+    path.write_text(json.dumps(document))
+
+    def edit(rows: Rows) -> Rows:
+        row = next(r for r in rows if r["sensor_id"] == "CAM_FRONT" and r["mask_modal"] is not None)
+        row["mask_modal"] = "0"
+        return rows
+
+    edit_rows(dataset, "camera_objects.parquet", edit)
+    assert failed_checks(dataset) == {"mask"}
+
+
 @pytest.mark.parametrize("ambiguous", [False, True])
 def test_pixels_of_another_thing_with_that_id_are_no_error_where_labels_say_so(
     dataset: Path, ambiguous: bool

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage.dataset.masks import mask_pixels
+from carstage.errors import DatasetError
 from carstage.validation.checks.findings import Findings
 
 Row = Mapping[str, Any]
@@ -61,7 +62,10 @@ class ColourFigures:
             paint = paints.get(row["track_id"])
             if paint is None or row["mask_modal"] is None:
                 continue
-            seen = rgb[mask_pixels(row["mask_modal"], rgb.shape[0], rgb.shape[1])]
+            try:
+                seen = rgb[mask_pixels(row["mask_modal"], rgb.shape[0], rgb.shape[1])]
+            except DatasetError:
+                continue  # check_silhouettes reports it
             sign = 1.0 if paint[0] > paint[2] else -1.0
             red, blue = (seen[:, c].astype(np.int64) for c in (0, 2))
             total = self.paint.setdefault(row["track_id"], [0.0, 0.0])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import NoneType
 from typing import Any
 
 import numpy as np
@@ -189,16 +190,39 @@ class Calibration:
     sensors: Mapping[str, SensorCalibration]
 
 
+_TYPES: Mapping[str, tuple[type, ...]] = {
+    "kind": (str,),
+    "attributes": (dict,),
+    "attach_to": (str,),
+    "attachment": (str,),
+    "labelled": (bool,),
+    "depth": (str, NoneType),
+    "instance": (str, NoneType),
+    "width": (int,),
+    "height": (int,),
+}
+"""Of what a sensor's entry holds."""
+
+
 def calibration_of(name: str, entry: Mapping[str, Any]) -> SensorCalibration:
     """A sensor's entry in the document.
 
     Raises:
-        KeyError, ValueError: it is damaged.
+        AttributeError, KeyError, TypeError, ValueError: it is damaged.
     """
+    for key, types in _TYPES.items():
+        if not isinstance(entry.get(key, 0), types):
+            raise TypeError(f"{key} of {name} is {entry.get(key)!r}")
     given = entry["ego_from_sensor"]
     pose = np.full((4, 4), np.nan) if given is None else np.array(given, np.float64)
     if pose.shape != (4, 4):
         raise ValueError(f"ego_from_sensor of {name} has shape {pose.shape}")
+    fixed = np.array(entry["carrier_from_sensor"], np.float64)
+    if fixed.shape != (4, 4) or not np.isfinite(fixed).all():
+        raise ValueError(f"carrier_from_sensor of {name} is no pose")
+    k = np.array(entry.get("K", np.zeros((3, 3))), np.float64)
+    if k.shape != (3, 3) or (entry.get("width") and not min(k[0, 0], k[1, 1]) > 0.0):
+        raise ValueError(f"K of {name} is no matrix of a camera")
     return SensorCalibration(
         id=name,
         kind=entry["kind"],
@@ -206,7 +230,7 @@ def calibration_of(name: str, entry: Mapping[str, Any]) -> SensorCalibration:
         attributes=entry["attributes"],
         attach_to=entry["attach_to"],
         attachment=entry["attachment"],
-        carrier_from_sensor=np.array(entry["carrier_from_sensor"], np.float64),
+        carrier_from_sensor=fixed,
         ego_from_sensor=pose,
         codec=entry["files"],
         labelled=entry["labelled"],
@@ -215,7 +239,7 @@ def calibration_of(name: str, entry: Mapping[str, Any]) -> SensorCalibration:
         width=entry.get("width", 0),
         height=entry.get("height", 0),
         fov_deg=entry.get("fov_deg", 0.0),
-        k=np.array(entry.get("K", np.zeros((3, 3))), np.float64),
+        k=k,
         lens=_lens_of(entry) if "lens" in entry else None,
         flash=FlashSpec.read(Fields(entry["flash"], "flash")) if "flash" in entry else None,
         attach_index=entry.get("attach_index", 0),

@@ -267,7 +267,7 @@ class Episode:
         """
         try:
             return GeoFrame.from_json(self.document["geo_reference"])
-        except (KeyError, TypeError, ValueError) as error:
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise DatasetError(f"{self.folder / 'episode.json'} is damaged: {error}.") from error
 
     @property
@@ -362,7 +362,7 @@ class Episode:
                 {key: tuple(value) for key, value in document["ego_box"].items()},
                 {name: calibration_of(name, entry) for name, entry in document["sensors"].items()},
             )
-        except (KeyError, TypeError, ValueError) as error:
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise DatasetError(f"{path} is damaged: {error!r}.") from error
 
     @property

@@ -11,11 +11,14 @@ def check_self_test(episode: Episode, findings: Findings) -> None:
     verdict = episode.marker.self_test
     if verdict is None:
         return
-    for check in verdict["checks"]:
-        if not check["ok"]:
-            findings.add(
-                "self_test",
-                f"CARLA {verdict['server']} failed the self-test's check of {check['name']}: "
-                f"{check['found']}; expected: {check['expected']}",
-                severity="warning",
-            )
+    try:
+        failed = [
+            f"CARLA {verdict['server']} failed the self-test's check of {check['name']}: "
+            f"{check['found']}; expected: {check['expected']}"
+            for check in verdict["checks"]
+            if not check["ok"]
+        ]
+    except (KeyError, TypeError) as error:
+        failed = [f"what the marker says of the self-test is damaged: {error!r}"]
+    for message in failed:
+        findings.add("self_test", message, severity="warning")

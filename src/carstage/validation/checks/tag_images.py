@@ -48,10 +48,11 @@ def check_tags(
 
 def check_tag_table(description: Mapping[str, Any], findings: Findings) -> None:
     """Compare the table of ``dataset.json`` with ours (check ``tag_table``)."""
-    listed = {entry.get("value"): entry.get("name") for entry in description.get("tags", ())}
+    table = description.get("tags")
+    entries = [one for one in table if isinstance(one, dict)] if isinstance(table, list) else []
+    listed = {str(entry.get("value")): entry.get("name") for entry in entries}
     for value, tag in TAGS_0_9_14.items():
-        if listed.get(value) != tag.name:
-            findings.add(
-                "tag_table",
-                f"dataset.json: tag {value} is called {listed.get(value)!r}, it is {tag.name!r}",
-            )
+        name = listed.get(str(value))
+        if name != tag.name:
+            message = f"dataset.json: tag {value} is called {name!r}, it is {tag.name!r}"
+            findings.add("tag_table", message)

@@ -35,6 +35,7 @@ _CONNECT_S = 10.0
 _END_S = 20.0
 _MOST_UNHEARD = 64
 _MEMORY = "memory"
+_LARGEST_AMOUNT, _LEAST_AMOUNT = 1e15, 1e-4
 
 
 def parse_resources(text: str) -> dict[str, float]:
@@ -48,7 +49,9 @@ def parse_resources(text: str) -> dict[str, float]:
     except ValueError:
         given = None
     if not isinstance(given, dict) or not all(
-        isinstance(amount, int | float) and not isinstance(amount, bool) and amount >= 0
+        isinstance(amount, int | float)
+        and not isinstance(amount, bool)
+        and 0 <= amount <= _LARGEST_AMOUNT
         for amount in given.values()
     ):
         raise BadInputError(
@@ -56,6 +59,24 @@ def parse_resources(text: str) -> dict[str, float]:
             """Write JSON, such as '{"CPU": 2, "GPU": 0.5, "simulator": 1}'.""",
         )
     return {**DEFAULT_RESOURCES, **{name: float(amount) for name, amount in given.items()}}
+
+
+def _check_resources(resources: Mapping[str, float]) -> None:
+    """Refuse what Ray would only refuse when the first worker is opened.
+
+    Raises:
+        BadInputError: names the resource.
+    """
+    for name, amount in resources.items():
+        if name == "object_store_memory":
+            why = "Ray gives it to nobody"
+        elif 0.0 < amount < _LEAST_AMOUNT:
+            why = f"{_LEAST_AMOUNT:g} is the least that Ray can give"
+        elif name == "GPU" and amount > 1.0 and amount != int(amount):
+            why = "above 1 it has to be a whole number"
+        else:
+            continue
+        raise BadInputError(f"ray-resources: {name} cannot be {amount:g}: {why}.")
 
 
 class RayExecutor(SlotsExecutor):
@@ -72,7 +93,7 @@ class RayExecutor(SlotsExecutor):
             and resources that the nodes were started with.
 
     Raises:
-        BadInputError: Ray is not installed.
+        BadInputError: Ray is not installed, or gives nobody such resources.
     """
 
     def __init__(
@@ -81,7 +102,8 @@ class RayExecutor(SlotsExecutor):
         address: str = "auto",
         resources: Mapping[str, float] = DEFAULT_RESOURCES,
     ) -> None:
-        super().__init__(count or 1)
+        super().__init__(1 if count is None else count)
+        _check_resources(resources)
         self._wanted = count
         self._address = address
         self._resources = dict(resources)

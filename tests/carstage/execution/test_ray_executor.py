@@ -63,7 +63,31 @@ def test_resources_are_read_with_a_core_where_none_is_named() -> None:
     }
 
 
-@pytest.mark.parametrize("text", ["", "CPU=2", "[1]", '{"CPU": "2"}', '{"CPU": -1}', '{"a": true}'])
+@pytest.mark.parametrize(
+    "text",
+    ["", "CPU=2", "[1]", '{"CPU": "2"}', '{"CPU": -1}', '{"a": true}', '{"CPU": 1e999}',
+     '{"CPU": NaN}', f'{{"CPU": {"9" * 400}}}'],
+)  # fmt: skip
 def test_resources_that_are_no_amounts_are_refused(text: str) -> None:
     with pytest.raises(BadInputError, match="does not name amounts"):
         parse_resources(text)
+
+
+@pytest.mark.parametrize(
+    ("resources", "why"),
+    [
+        ({"GPU": 1.5}, "GPU cannot be 1.5: above 1 it has to be a whole number"),
+        ({"simulator": 0.00001}, "simulator cannot be 1e-05: 0.0001 is the least"),
+        ({"object_store_memory": 5.0}, "Ray gives it to nobody"),
+    ],
+)
+def test_resources_that_ray_gives_to_nobody_are_refused(
+    resources: dict[str, float], why: str
+) -> None:
+    with pytest.raises(BadInputError, match=why):
+        RayExecutor(1, resources=resources)
+
+
+def test_no_worker_is_not_a_number_of_workers() -> None:
+    with pytest.raises(BadInputError, match="0 is not a number of workers"):
+        RayExecutor(0)

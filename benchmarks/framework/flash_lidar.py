@@ -179,8 +179,10 @@ def _figures(found: _Found) -> Iterator[Figure]:
     yield Figure("share_of_points_too_few_or_too_many", odd, "<=", ODD)
     yield Figure("cosine_error_median", float(np.median(cosines)), "<=", 0.01)
     yield Figure("noise_stddev_over_asked", float(noise.std() / _NOISE_M), ">=", 0.98)
+    yield Figure("noise_stddev_asked_over_found", float(_NOISE_M / noise.std()), ">=", 0.98)
     yield Figure("noise_mean_over_asked", abs(float(noise.mean())) / _NOISE_M, "<=", 0.02)
     yield Figure("points_kept_of_0.9", found.kept / found.possible / 0.9, ">=", 0.99)
+    yield Figure("0.9_of_points_over_kept", 0.9 * found.possible / found.kept, ">=", 0.99)
     beyond = found.outside / found.echoes
     yield Figure("share_of_echoes_beyond_their_footprints", beyond, "<=", BEYOND)
     yield Figure("echoes_per_wide_beam", found.echoes / found.wide_beams)

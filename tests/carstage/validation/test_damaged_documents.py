@@ -88,6 +88,15 @@ def test_a_calibration_is_no_crash(dataset: Path, key: str) -> None:
     assert any("calibration.json is damaged" in one for one in said(dataset, "unreadable"))
 
 
+@pytest.mark.parametrize("key", ["depth", "instance"])
+@pytest.mark.parametrize("twin", ["CAM_LEFT", "SEM_FRONT", "LIDAR_TOP", "IMU", "NOBODY"])
+def test_a_twin_that_is_none_is_named(dataset: Path, key: str, twin: str) -> None:
+    put(attempt_of(dataset) / "calibration.json", ("sensors", "CAM_FRONT", key), twin)
+    recommit(dataset)
+    (message,) = set(said(dataset, "unreadable"))
+    assert f"{key} of CAM_FRONT is {twin!r}" in message
+
+
 @pytest.mark.parametrize("key", ["ego_box", "sensors"])
 @pytest.mark.parametrize("value", [None, "x", 7, []])
 def test_a_calibration_of_another_kind_is_damaged(dataset: Path, key: str, value: Any) -> None:

@@ -1,9 +1,10 @@
-"""``episode.json`` says what other checks compare tables with."""
+"""``episode.json`` and ``calibration.json`` say what other checks compare data with."""
 
 from __future__ import annotations
 
 from carstage.dataset.reading import Episode
 from carstage.errors import DatasetError
+from carstage.sensor_kinds.model import DEPTH, INSTANCES
 
 _TYPES = {
     "episode_id": str,
@@ -16,6 +17,28 @@ _TYPES = {
     "actors": dict,
 }
 _GROUPS = ("vehicles", "pedestrians")
+
+
+_BESIDE = {"depth": DEPTH, "instance": INSTANCES}
+
+
+def require_twins(episode: Episode) -> None:
+    """Refuse a ``calibration.json`` in which a labelled camera's twin is none.
+
+    Raises:
+        DatasetError: names the first camera.
+    """
+    sensors = episode.calibration.sensors
+    for camera in (sensor for sensor in sensors.values() if sensor.labelled):
+        for key, content in _BESIDE.items():
+            name = getattr(camera, key)
+            twin = sensors.get(name)
+            size = None if twin is None else (twin.content, twin.width, twin.height)
+            if name is not None and size != (content, camera.width, camera.height):
+                raise DatasetError(
+                    f"calibration.json: {key} of {camera.id} is {name[:40]!r}, "
+                    "which is no such camera of its size."
+                )
 
 
 def require_document(episode: Episode) -> None:

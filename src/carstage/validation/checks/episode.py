@@ -14,7 +14,7 @@ from carstage.validation.checks.columns import (
 )
 from carstage.validation.checks.completeness import check_gaps
 from carstage.validation.checks.controls import check_controls
-from carstage.validation.checks.documents import require_document
+from carstage.validation.checks.documents import require_document, require_twins
 from carstage.validation.checks.events import check_events
 from carstage.validation.checks.figures import TableFigures
 from carstage.validation.checks.files import (
@@ -66,6 +66,7 @@ def check_episode(episode: Episode, listing: Listing, findings: Findings) -> Tab
     check_row_sensors(episode, ledger, recorded, findings)
     check_self_test(episode, findings)
     require_document(episode)
+    require_twins(episode)
     tables = LabelTables.load(episode)
     check_nulls(episode, tables, findings)
     tables.require_values(episode)

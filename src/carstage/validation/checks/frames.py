@@ -23,7 +23,7 @@ from carstage.validation.checks.colours import check_colours, is_clear_day, pain
 from carstage.validation.checks.completeness import check_missing_rows
 from carstage.validation.checks.decoding import DecodedFrame, decode, decoded_frames
 from carstage.validation.checks.disparity import DisparityChecks
-from carstage.validation.checks.documents import require_document
+from carstage.validation.checks.documents import require_document, require_twins
 from carstage.validation.checks.edges import (
     FrameFit,
     boundaries,
@@ -88,6 +88,7 @@ class FrameChecks:
         self._figures = FrameFigures()
         self._files = VerifiedFiles(episode, listing, findings)
         require_document(episode)
+        require_twins(episode)
         ledger = require_ledger(episode.ledger())
         self._recorded = {
             name: frozenset(frames)

@@ -200,6 +200,7 @@ _TYPES: Mapping[str, tuple[type, ...]] = {
     "instance": (str, NoneType),
     "width": (int,),
     "height": (int,),
+    "fov_deg": (int, float),
 }
 """Of what a sensor's entry holds."""
 

@@ -88,6 +88,25 @@ def test_a_calibration_is_no_crash(dataset: Path, key: str) -> None:
     assert any("calibration.json is damaged" in one for one in said(dataset, "unreadable"))
 
 
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("fov_deg", 60.0),
+        ("fov_deg", float("nan")),
+        ("K", [[30.0, 0.0, 24.0], [0.0, 30.0, 16.0], [0.0, 0.0, 1.0]]),
+        ("attach_to", "world"),
+        ("attachment", "follow"),
+        ("blueprint", "sensor.camera.dvs"),
+    ],
+)
+def test_what_the_spec_says_otherwise_is_found(dataset: Path, key: str, value: Any) -> None:
+    """Of a camera that is not labelled, too, whose pictures nothing else is compared with."""
+    assert said(dataset, "sensor_poses") == []
+    put(attempt_of(dataset) / "calibration.json", ("sensors", "INST_FRONT", key), value)
+    recommit(dataset)
+    assert any(key in message for message in said(dataset, "sensor_poses"))
+
+
 @pytest.mark.parametrize("key", ["depth", "instance"])
 @pytest.mark.parametrize("twin", ["CAM_LEFT", "SEM_FRONT", "LIDAR_TOP", "IMU", "NOBODY"])
 def test_a_twin_that_is_none_is_named(dataset: Path, key: str, twin: str) -> None:

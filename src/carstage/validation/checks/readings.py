@@ -8,19 +8,23 @@ from collections.abc import Mapping
 import numpy as np
 import pyarrow as pa
 
+from carstage.annotation.rig import camera_geometry, planned_lens
 from carstage.dataset.calibration import SensorCalibration
 from carstage.dataset.ledger import saved_times_s
 from carstage.dataset.reading import Episode, Sensor
 from carstage.dataset.tables import row_sensor
 from carstage.geometry import (
+    FloatArray,
     compass_rad,
+    horizontal_fov_deg,
+    intrinsics,
     pose_matrix,
     rotate,
     rotation_deg,
     rotation_matrix,
     specific_force,
 )
-from carstage.spec import EGO, RIGID
+from carstage.spec import EGO, RIGID, SensorSpec
 from carstage.validation.checks.findings import Findings
 from carstage.validation.checks.labels import LabelTables
 from carstage.validation.checks.ledger import TIMESTAMP_TOLERANCE_S
@@ -29,6 +33,8 @@ from carstage.validation.checks.recomputing import Recomputed, entries, numbers,
 _POSE_M, _POSE_RAD = 0.02, 0.002
 _FORCE_M_S2, _GYRO_RAD_S, _COMPASS_RAD, _PLACE_M = 0.05, 5e-4, 0.002, 0.05
 _SIGMAS = 6.0
+_INTRINSIC = 1e-6
+_MOUNT = ("kind", "blueprint", "attach_to", "attach_index", "attachment")
 
 
 def check_sensor_poses(episode: Episode, tables: LabelTables, findings: Findings) -> None:
@@ -92,7 +98,7 @@ def _check_keys(episode: Episode, poses: pa.Table, findings: Findings) -> None:
 
 
 def _check_calibration(episode: Episode, findings: Findings) -> None:
-    """``calibration.json`` has the poses and attributes that the spec asks for."""
+    """``calibration.json`` has the poses, attributes and intrinsics that the spec asks for."""
     known = episode.calibration.sensors
     for sensor in episode.spec.sensors:
         camera = known.get(sensor.id)
@@ -115,6 +121,27 @@ def _check_calibration(episode: Episode, findings: Findings) -> None:
                 "calibration.json: attributes are not those of the spec",
                 sensor=sensor.id,
             )
+        other = [name for name in _MOUNT if getattr(camera, name) != getattr(sensor, name)]
+        if sensor.blueprint.startswith("sensor.camera.") and sensor.flash is None:
+            (width, height), fov_deg, k = _view(sensor)
+            other += ["size"] * ((camera.width, camera.height) != (width, height))
+            other += ["fov_deg"] * (not abs(camera.fov_deg - fov_deg) <= _INTRINSIC)
+            other += ["K"] * (not np.abs(camera.k - k).max() <= _INTRINSIC)
+        if other:
+            findings.add(
+                "sensor_poses",
+                f"calibration.json: {', '.join(other)} of it do not follow from the spec",
+                sensor=sensor.id,
+            )
+
+
+def _view(camera: SensorSpec) -> tuple[tuple[int, int], float, FloatArray]:
+    """Width and height (px), horizontal field of view (deg) and intrinsics of a planned camera."""
+    if camera.lens is not None:
+        lens = planned_lens(camera.lens)
+        return (lens.width, lens.height), horizontal_fov_deg(lens), lens.k
+    width, height, fov_deg = camera_geometry(camera.attributes)
+    return (width, height), fov_deg, intrinsics(width, height, fov_deg)
 
 
 def _is_fixed_on_ego(camera: SensorCalibration) -> bool:

@@ -180,6 +180,14 @@ def test_a_line_that_is_there_twice_is_found(dataset: Path) -> None:
     assert message.endswith("is there twice")
 
 
+def test_a_line_of_a_frame_that_there_is_not_is_found(dataset: Path) -> None:
+    def edited(rows: list[Row]) -> list[Row]:
+        return [*rows, of_camera(rows, "CAM_FRONT") | {"k": 99}]
+
+    edit_rows(dataset, FILE, edited)
+    assert not validate_dataset(dataset).ok
+
+
 @pytest.mark.parametrize("column", ["map_id", "u", "visible", "visible_share"])
 def test_a_null_is_found(dataset: Path, column: str) -> None:
     path = attempt_of(dataset) / FILE

@@ -155,6 +155,15 @@ def test_what_is_no_number_is_found(
     assert message.endswith(" NaN or infinite values.")
 
 
+def test_a_pose_of_a_frame_that_there_is_not_is_found(dataset: Path) -> None:
+    def change(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        return [*rows, rows[-1] | {"k": 99}]
+
+    edit_rows(dataset, "sensor_poses.parquet", change)
+    message = "sensor_poses.parquet has rows of frame 99, which the ledger has not"
+    assert message in found(dataset, "label_timestamps")
+
+
 def test_a_reading_without_a_time_is_found(dataset: Path) -> None:
     def change(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
         return [*rows[:-1], rows[-1] | {"timestamp_s": NAN}]

@@ -13,8 +13,9 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from carstage.annotation.schema import SENSOR_POSE_COLUMNS, TABLES
+from carstage.annotation.schema import LANE_LINES, PATCHES, SENSOR_POSE_COLUMNS, TABLES
 from carstage.dataset.reading import Episode
+from carstage.dataset.tables import require_columns
 from carstage.errors import DatasetError
 from carstage.geometry import invert_pose, length, multiply, pose_matrix
 from carstage.sensor_kinds.model import DETECTIONS, POINTS
@@ -185,6 +186,7 @@ def check_labels(
             _check_range(name, table, column, low, high, findings)
         for column, values in _VALUES[name].items():
             _check_values(name, table, column, values, findings)
+    _check_frames(episode, times_s, findings)
     ego_ks: list[Any] = tables.ego["k"].to_pylist()
     if episode.spec.ground_truth.ego_motion and sorted(ego_ks) != sorted(times_s):
         findings.add("frames_missing", "ego.parquet does not have one row per frame")
@@ -209,6 +211,24 @@ def check_labels(
     total = np.sum([count.to_numpy() for count in counts], axis=0)
     if len(total) and not (total == 8).all():
         findings.add("label_ranges", "camera_objects.parquet: vertices do not add up to 8")
+
+
+def _check_frames(episode: Episode, times_s: dict[int, float], findings: Findings) -> None:
+    """Tables that other checks read frame by frame have no rows of frames that there are not."""
+    others = {
+        "sensor_poses.parquet": episode.sensor_poses(),
+        LANE_LINES: episode.lane_lines(),
+        PATCHES: episode.patches(),
+    }
+    for file, table in others.items():
+        if table is None:
+            continue
+        require_columns(table, ("k",), file)
+        ks: list[Any] = table["k"].drop_null().unique().to_pylist()
+        for k in sorted(set(ks) - times_s.keys()):
+            findings.add(
+                "label_timestamps", f"{file} has rows of frame {k}, which the ledger has not"
+            )
 
 
 def _check_counters(

@@ -118,6 +118,10 @@ def hit_where_nothing_is(content: BirdsEye) -> None:
     content.drawn.visible[tuple(np.argwhere(~content.visible_by_lidar)[0])] |= LIDAR
 
 
+def hit_that_is_lost(content: BirdsEye) -> None:
+    content.drawn.visible[tuple(np.argwhere(content.visible_by_lidar)[0])] ^= LIDAR
+
+
 @pytest.mark.parametrize(
     ("edit", "message"),
     [
@@ -128,6 +132,7 @@ def hit_where_nothing_is(content: BirdsEye) -> None:
         (changed_track, "the tracks are not those of the objects in the grid"),
         (seen_behind, "visibility by camera is wrong in 1 cells"),
         (hit_where_nothing_is, "visibility by LiDAR is wrong in 1 cells"),
+        (hit_that_is_lost, "visibility by LiDAR is wrong in 1 cells"),
     ],
 )
 def test_every_edit_is_found(dataset: Path, edit: Callable[[BirdsEye], None], message: str) -> None:

@@ -175,9 +175,8 @@ class BirdsEyeChecks:
     ) -> None:
         """Without depth images nothing may be seen that no camera looks at."""
         wrong = stored.visible ^ expected.visible
-        if not all_depths:
-            wrong &= stored.visible
-        self._report_cells(k, "visibility by camera", (wrong & CAMERA).astype(np.bool_))
+        by_camera = wrong if all_depths else wrong & stored.visible
+        self._report_cells(k, "visibility by camera", (by_camera & CAMERA).astype(np.bool_))
         if all_points:
             self._report_cells(k, "visibility by LiDAR", (wrong & LIDAR).astype(np.bool_))
         if (stored.visible & ~np.uint8(CAMERA | LIDAR)).any():

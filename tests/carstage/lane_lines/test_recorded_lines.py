@@ -131,6 +131,19 @@ def hidden(row: Row) -> None:
     row["visible"] = [1 - value for value in row["visible"]]
 
 
+def shortened(row: Row) -> None:
+    row["visible"] = [1] * (len(row["visible"]) - 1)
+    row["visible_share"] = 1.0
+
+
+def doubled(row: Row) -> None:
+    row["visible"] = [2 for _ in row["visible"]]
+
+
+def less(row: Row) -> None:
+    row["visible_share"] /= 2
+
+
 @pytest.mark.parametrize(
     ("camera", "edit", "message"),
     [
@@ -140,6 +153,9 @@ def hidden(row: Row) -> None:
         ("CAM_LEFT", renamed, "marking 99/0/1/0 is not seen there"),
         ("CAM_LEFT", yellow, "colour of it is wrong"),
         ("CAM_FRONT", hidden, "visible of it is wrong"),
+        ("CAM_LEFT", shortened, "visible of it is wrong"),
+        ("CAM_LEFT", doubled, "visible, visible_share of it is wrong"),
+        ("CAM_LEFT", less, "visible_share of it is wrong"),
     ],
 )
 def test_an_edit_is_found(
@@ -155,7 +171,9 @@ def test_an_edit_is_found(
 
 def test_what_only_a_dropped_depth_image_tells_is_taken_as_stored(dataset: Path) -> None:
     def edited(rows: list[Row]) -> list[Row]:
-        hidden(of_camera(rows, "CAM_LEFT"))
+        row = of_camera(rows, "CAM_LEFT")
+        hidden(row)
+        row["visible_share"] = float(np.mean(row["visible"]))
         return rows
 
     edit_rows(dataset, FILE, edited)

@@ -14,6 +14,7 @@ from carstage.dataset.saved_frames import RowsByFrame
 from carstage.errors import DatasetError
 from carstage.geometry import pose_matrix
 from carstage.lane_lines import PictureView, TownLines, lines_in_view
+from carstage.lane_lines.town import AREAS
 from carstage.validation.checks.findings import Findings
 from carstage.validation.checks.labelled_cameras import LabelledCameras
 from carstage.validation.checks.table_schema import require_rows
@@ -21,7 +22,6 @@ from carstage.validation.checks.table_schema import require_rows
 _TOLERANCE = 0.011
 """Pixels and metres: values are rounded."""
 _PLACES = ("u", "v", "x", "y", "z")
-_SEEN = ("visible", "visible_share")
 _SAME = ("kind", "map_id", "part", "type", "colour", "width")
 _Key = tuple[str, str, int]
 
@@ -89,7 +89,7 @@ class LaneLineChecks:
             found = stored.get(name, {})
             if depth is None or depth.id not in data:
                 expected = {
-                    key: {**row, **{n: found[key][n] for n in _SEEN}}
+                    key: {**row, **_seen(found[key])}
                     for key, row in expected.items()
                     if key in found
                 }
@@ -109,7 +109,7 @@ class LaneLineChecks:
             one, other = stored[key], expected[key]
             wrong = [n for n in _SAME if one[n] != other[n]]
             wrong += [n for n in _PLACES if not _close(one[n], other[n])]
-            if list(one["visible"]) != list(other["visible"]):
+            if list(one["visible"]) != list(other["visible"]) or not _is_seen(one):
                 wrong.append("visible")
             if abs(one["visible_share"] - other["visible_share"]) > _TOLERANCE:
                 wrong.append("visible_share")
@@ -122,6 +122,19 @@ class LaneLineChecks:
 
 def _key(row: Mapping[str, Any]) -> _Key:
     return row["kind"], row["map_id"], row["part"]
+
+
+def _seen(row: Mapping[str, Any]) -> dict[str, Any]:
+    """What a row says of its visibility, as far as no depth image is needed to tell."""
+    visible, share = row["visible"], row["visible_share"]
+    if row["kind"] not in AREAS and visible:
+        share = float(np.mean(visible))
+    return {"visible": visible, "visible_share": min(max(share, 0.0), 1.0)}
+
+
+def _is_seen(row: Mapping[str, Any]) -> bool:
+    """Whether each place of a row is said to be visible or not."""
+    return len(row["visible"]) == len(row["u"]) and set(row["visible"]) <= {0, 1}
 
 
 def _close(a: Any, b: Any) -> bool:

@@ -395,6 +395,17 @@ def test_boxes_of_the_level_hold_the_heads_of_its_traffic_lights(client: RawClie
     assert all(box in client.value("get_all_level_BBs", 255) for box in boxes)
 
 
+def test_an_unloaded_layer_has_no_boxes(client: RawClient) -> None:
+    buildings = client.value("get_all_level_BBs", 3)
+    assert buildings
+    client.value("unload_map_layer", 1)
+    try:
+        assert client.value("get_all_level_BBs", 3) == []
+    finally:
+        client.value("load_map_layer", 1)
+    assert client.value("get_all_level_BBs", 3) == buildings
+
+
 @pytest.mark.parametrize(
     ("direction", "range_m", "found"),
     [

@@ -55,8 +55,9 @@ def _get_names_of_all_objects(call: Call) -> list[str]:
 
 @handles("get_all_level_BBs")
 def _get_all_level_bbs(call: Call, label: int) -> list[Any]:
-    """Boxes of scenery, light heads, vehicles and walkers, in the world."""
-    boxes = [values.encode_box(piece.box) for piece in _level_objects(call, label)]
+    """Boxes of loaded scenery, light heads, vehicles and walkers, in the world."""
+    pieces = filter(call.world.objects.is_loaded, _level_objects(call, label))
+    boxes = [values.encode_box(piece.box) for piece in pieces]
     if label in (_ANY_LABEL, call.session.dialect.label(CityObjectLabel.TRAFFIC_LIGHT)):
         lights = zip(call.world.town.traffic_lights, call.world.light_ids, strict=True)
         boxes += [

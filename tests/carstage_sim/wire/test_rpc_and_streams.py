@@ -395,6 +395,12 @@ def test_boxes_of_the_level_hold_the_heads_of_its_traffic_lights(client: RawClie
     assert all(box in client.value("get_all_level_BBs", 255) for box in boxes)
 
 
+def test_boxes_of_the_level_hold_the_masts_of_its_traffic_lights(client: RawClient) -> None:
+    boxes = [box[:3] for box in client.value("get_all_level_BBs", 6)]
+    pieces = client.value("get_environment_objects", 6)
+    assert [name for _, box, _, name, _ in pieces if box[:3] not in boxes] == []
+
+
 def test_an_unloaded_layer_has_no_boxes(client: RawClient) -> None:
     buildings = client.value("get_all_level_BBs", 3)
     assert buildings

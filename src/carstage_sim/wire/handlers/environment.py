@@ -55,16 +55,19 @@ def _get_names_of_all_objects(call: Call) -> list[str]:
 
 @handles("get_all_level_BBs")
 def _get_all_level_bbs(call: Call, label: int) -> list[Any]:
-    """Boxes of loaded scenery, light heads, vehicles and walkers, in the world."""
+    """Boxes of loaded scenery, parts of lights, vehicles and walkers, in the world."""
     pieces = filter(call.world.objects.is_loaded, _level_objects(call, label))
     boxes = [values.encode_box(piece.box) for piece in pieces]
+    sites = call.world.town.traffic_lights
     if label in (_ANY_LABEL, call.session.dialect.label(CityObjectLabel.TRAFFIC_LIGHT)):
-        lights = zip(call.world.town.traffic_lights, call.world.light_ids, strict=True)
         boxes += [
             values.encode_box(box, actor_id)
-            for site, actor_id in lights
+            for site, actor_id in zip(sites, call.world.light_ids, strict=True)
             for box in head_boxes(site)
         ]
+    if label in (_ANY_LABEL, call.session.dialect.label(CityObjectLabel.POLES)):
+        masts = zip(light_masts(sites), call.world.light_ids, strict=True)
+        boxes += [values.encode_box(mast.box, actor_id) for mast, actor_id in masts]
     for kind in (ActorKind.VEHICLE, ActorKind.WALKER):
         for actor in call.world.actors.of_kind(kind):
             if label in (_ANY_LABEL, call.session.dialect.label(actor.semantic_tags[0])):

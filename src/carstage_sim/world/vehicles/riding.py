@@ -27,6 +27,7 @@ _SPRING_TIME_S = 0.08
 _AT_REST_M = 1e-4
 _AT_REST_DEG = 1e-3
 _CARRYING_WHEELS = 2
+_STEEPEST_RAD = np.pi / 4.0  # who lies on its nose or side has no wheels under it
 
 
 def flat_ground(points: FloatArray) -> FloatArray:
@@ -123,11 +124,18 @@ def _road_plane(
     roll = np.radians(rows.rotation_deg[:, Rotation.ROLL])
     wheels = np.empty((4, count, 3))
     wheels[..., :2] = rows.location[:, :2] + x[..., None] * forward + y[..., None] * right
-    tilt = x * np.tan(pitch) - y * np.tan(roll)
+    lies = np.maximum(np.abs(pitch), np.abs(roll)) > _STEEPEST_RAD
+    tilt = np.where(lies, 0.0, x * np.tan(pitch) - y * np.tan(roll))
     # Something that falls must not fall through in one tick: looked at from where it came from.
     wheels[..., 2] = np.maximum(height, highest) + tilt
     z = ground(wheels.reshape(-1, 3)).reshape(4, count)
     missing = np.isnan(z)
+    sunk = missing & (tilt < 0.0)
+    if sunk.any():
+        # Deep in the ground, as of who comes down askew: looked at from the vehicle's own height.
+        wheels[..., 2] -= tilt
+        z[sunk] = ground(wheels[sunk])
+        missing = np.isnan(z)
     if missing.any():
         z = np.where(missing, height + tilt, z)
     front, rear = 0.5 * (z[0] + z[1]), 0.5 * (z[2] + z[3])

@@ -80,6 +80,20 @@ def test_what_is_dropped_falls_freely_and_lands() -> None:
     assert fleet.location[0, 2] == 0.0
 
 
+@pytest.mark.parametrize(
+    ("pitch_deg", "roll_deg"),
+    [(30.0, 0.0), (-40.0, 0.0), (60.0, 0.0), (-90.0, 0.0), (0.0, 60.0), (0.0, 90.0), (50.0, 240.0)],
+)
+def test_what_is_dropped_on_its_nose_or_side_lands_on_its_wheels(
+    pitch_deg: float, roll_deg: float
+) -> None:
+    fleet = fleet_on(plain(sheet((-400.0, -6.0), (400.0, 6.0), lambda _x, _y: 6.0)))
+    fleet.add(CAR, parameters(), (0.0, 0.0, 3.0), (pitch_deg, 0.0, roll_deg))
+    drive(fleet, 3.0)
+    assert fleet.location[0].tolist() == [0.0, 0.0, 0.0]
+    assert fleet.rotation_deg[0].tolist() == [0.0, 0.0, 0.0]
+
+
 def test_a_car_that_leaves_the_last_road_falls_on_and_on() -> None:
     fleet = one_car(sheet((-50.0, -50.0), (20.0, 50.0)))
     fleet.set_target_velocity(CAR, (15.0, 0.0, 0.0))

@@ -320,6 +320,8 @@ class VehicleFleet:
             rows.spin[row] = rows.turn_rate[row] = rows.shift_left_s[row] = 0.0
             rows.throttle[row] = rows.brake[row] = 0.0
             rows.gear[row] = 1
+            rows.origin_location[row] = rows.location[row]
+            rows.origin_rotation_deg[row] = rows.rotation_deg[row]
             self._set_velocity(row, np.zeros(3))
         rows.simulated[row] = enabled
 

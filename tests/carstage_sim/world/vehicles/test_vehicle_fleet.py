@@ -281,6 +281,16 @@ def test_teleport_is_not_motion_but_a_moved_kinematic_vehicle_has_velocity() -> 
     assert fleet.velocity[0, 1] == pytest.approx(10.0, abs=0.3)
 
 
+def test_who_was_put_elsewhere_without_physics_begins_at_rest_with_them() -> None:
+    fleet = fleet_of_one()
+    fleet.set_simulate_physics(7, False)
+    fleet.set_transform(7, (12.0, -4.0, 0.0), (0.0, 30.0, 0.0))
+    fleet.set_simulate_physics(7, True)
+    fleet.step(DELTA_S, SUBSTEPS)
+    np.testing.assert_array_equal(fleet.velocity[0], 0.0)
+    np.testing.assert_array_equal(fleet.angular_velocity_deg[0], 0.0)
+
+
 def test_constant_velocity_ignores_the_pedals_until_it_ends() -> None:
     fleet = fleet_of_one()
     fleet.set_constant_velocity(7, (6.0, 1.0, 0.0))

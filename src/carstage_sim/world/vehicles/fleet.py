@@ -473,6 +473,7 @@ class VehicleFleet:
         took_s = np.where(rows.simulated, moving_s, delta_s)[:, None]
         velocity = (rows.location - rows.origin_location) / took_s
         jumped = np.einsum("nk,nk->n", velocity, velocity) > _TELEPORT_SPEED**2
+        jumped &= ~rows.simulated  # whose teleports do not count as their way
         if jumped.any():
             velocity[jumped] = 0.0
         rows.acceleration = (velocity - rows.velocity) / took_s

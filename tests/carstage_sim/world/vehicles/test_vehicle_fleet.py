@@ -301,6 +301,14 @@ def test_constant_velocity_ignores_the_pedals_until_it_ends() -> None:
     np.testing.assert_array_equal(fleet.velocity[0], 0.0)
 
 
+def test_however_fast_a_vehicle_drives_it_tells_its_velocity() -> None:
+    fleet = fleet_of_one()
+    fleet.set_constant_velocity(7, (200.0, 0.0, 0.0))
+    drive(fleet, 1.0)
+    np.testing.assert_allclose(fleet.velocity[0], (200.0, 0.0, 0.0), atol=1e-9)
+    np.testing.assert_allclose(fleet.acceleration[0], 0.0, atol=1e-6)
+
+
 def test_rows_ascend_by_id_and_unknown_or_double_ids_are_refused() -> None:
     fleet = VehicleFleet()
     for actor_id in (30, 10, 20):

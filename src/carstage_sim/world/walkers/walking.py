@@ -86,13 +86,18 @@ class WalkerMotion:
         own = np.array([walker.simulate_physics and walker.gravity for walker in walkers])
         self._fall[~own] = 0.0
         self._knock[~own] = 0.0
+        # Who walks by itself and was put elsewhere since the last tick did not walk there.
+        begins = table.location[rows]
+        put = own & (begins != self._before).any(axis=1)
+        self._before[own] = begins[own]
         if own.any():
             self._walk(table, walkers, np.flatnonzero(own), rows, delta_s)
         here = table.location[rows]
         velocity = (here - self._before) / delta_s
         placed = np.einsum("nk,nk->n", velocity, velocity) > _MAX_PLAUSIBLE_SPEED**2
-        # What falls is fast and yet walked there; what was placed elsewhere did not.
-        velocity[placed & (self._fall == 0.0)] = 0.0
+        # Navigation places walkers that go; a replay or a client, elsewhere.
+        velocity[placed & ~own] = 0.0
+        velocity[put & (self._fall == 0.0), 2] = 0.0  # feet that come out of the ground
         table.acceleration[rows] = (velocity - table.velocity[rows]) / delta_s
         table.velocity[rows] = velocity
         self._before = here

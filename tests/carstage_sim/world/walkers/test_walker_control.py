@@ -118,6 +118,28 @@ def test_a_jump_is_of_carlas_height(world: World) -> None:
     assert heights[-1] == pytest.approx(0.0, abs=1e-6)
 
 
+def velocity(world: World, actor: Actor) -> np.ndarray:
+    return np.array(world.actors.velocity[world.actors.row(actor.actor_id)])
+
+
+def test_however_fast_a_walker_goes_it_tells_its_velocity(world: World) -> None:
+    walker = spawned(world, WALKER, 1.0)
+    after(world, 0.5)
+    ahead = (float(np.cos(np.radians(50))), float(np.sin(np.radians(50))), 0.0)
+    world.control_walker(walker.actor_id, WalkerControl(ahead, 20.0))
+    after(world, 0.15)
+    assert np.linalg.norm(velocity(world, walker)) == pytest.approx(20.0, rel=0.01)
+
+
+def test_a_walker_s_teleport_is_not_motion(world: World) -> None:
+    walker = spawned(world, WALKER, 1.0)
+    after(world, 0.5)
+    x, y, z = place(world, walker)
+    world.set_location(walker.actor_id, (x + 0.5, y, z))
+    world.tick(DELTA_S)
+    assert velocity(world, walker).tolist() == [0.0, 0.0, 0.0]
+
+
 @pytest.mark.parametrize("height_m", [0.0, 0.3, 0.6])
 def test_a_walker_teleported_to_the_ground_stands_on_it(world: World, height_m: float) -> None:
     walker = spawned(world, WALKER, 1.0)

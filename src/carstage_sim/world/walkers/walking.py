@@ -129,6 +129,9 @@ class WalkerMotion:
         at = rows[own]
         direction = np.array([walkers[k].walker.direction for k in own], np.float64)
         speed = np.array([walkers[k].walker.speed for k in own], np.float64)
+        # A negative speed turns Unreal's movement input round.
+        direction *= np.where(speed < 0.0, -1.0, 1.0)[:, None]
+        speed = np.abs(speed)
         length = np.linalg.norm(direction, axis=1)
         moving = (length > _STILL) & (speed > _STILL)
         unit = direction / np.where(moving, length, 1.0)[:, None]

@@ -53,6 +53,17 @@ def test_the_length_of_the_direction_counts(world: World, length: float, metres:
     assert np.linalg.norm(place(world, walker) - before) == pytest.approx(metres, rel=0.02)
 
 
+def test_a_walker_of_negative_speed_goes_the_other_way(world: World) -> None:
+    walker = spawned(world, WALKER, 1.0)
+    after(world, 0.5)
+    before = place(world, walker)
+    ahead = np.array([np.cos(np.radians(50)), np.sin(np.radians(50)), 0.0])
+    world.control_walker(walker.actor_id, WalkerControl(tuple(ahead.tolist()), -1.5))
+    after(world, 1.0)
+    assert place(world, walker) - before == pytest.approx(-1.5 * ahead, abs=0.02)
+    assert world.actors.pose(walker.actor_id).rotation_deg[1] == pytest.approx(-130.0)
+
+
 def test_a_new_walker_s_control_points_ahead_as_carla_s_does(world: World) -> None:
     walker = spawned(world, WALKER, 1.0)
     assert walker.walker == WalkerControl((1.0, 0.0, 0.0), 0.0)

@@ -85,6 +85,13 @@ class TownObjects:
         self.paint.update(dict.fromkeys(objects, (0.0, 0.0, 0.0)))
         self.version += 1
 
+    def forget_prop(self, actor_id: int) -> None:
+        """Drop the picture on a prop that is gone."""
+        if actor_id in self.prop_pictures:
+            left = {prop: one for prop, one in self.prop_pictures.items() if prop != actor_id}
+            self.prop_pictures = left
+            self.version += 1
+
     def apply_glow(self, object_ids: Iterable[int], colour: Colour) -> None:
         """Let objects emit light; it does not reach other surfaces."""
         self.glow.update(dict.fromkeys(object_ids, colour))

@@ -312,6 +312,7 @@ class World:
         if actor.vehicle is not None:
             self.fleet.remove(actor_id)
         self._mechanics.let_fall(actor_id, falls=False)
+        self.objects.forget_prop(actor_id)
         self._dying.pop(actor_id, None)
         self._remember(actor)
         self._attachments = None

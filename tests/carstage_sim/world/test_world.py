@@ -16,9 +16,11 @@ from carstage_sim.world.controls import (
     WalkerControl,
 )
 from carstage_sim.world.errors import ActorError, ActorNotFoundError, ActorTypeError, SpawnError
+from carstage_sim.world.pictures import PlacedPicture
 from carstage_sim.world.pose import Pose, Vector3, compose
 from carstage_sim.world.signals.traffic_lights import TrafficLightState
 from carstage_sim.world.snapshot import Snapshot
+from carstage_sim.world.town_objects import MOST_TEXELS
 from carstage_sim.world.world import World
 
 CAR = "vehicle.tesla.model3"
@@ -179,6 +181,17 @@ def test_destroyed_actor_is_remembered_across_episodes(stage01: Town) -> None:
         following.live(car.actor_id)
     with pytest.raises(ActorNotFoundError):
         following.live_or_dead(10_000)
+
+
+def test_the_picture_on_a_prop_goes_with_the_prop(world: World) -> None:
+    half = np.zeros((2, MOST_TEXELS // 4, 3), np.float32)
+    for _ in range(3):
+        prop = world.spawn("static.prop.box01", {}, Pose())
+        picture = PlacedPicture(half, prop.box_center, np.eye(3), prop.box_extent)
+        world.objects.apply_pictures({}, {prop.actor_id: picture})
+        assert prop.actor_id in world.tick(DELTA_S).state.town_changes.prop_pictures
+        world.destroy(prop.actor_id)
+    assert world.tick(DELTA_S).state.town_changes.placed_pictures == ()
 
 
 def test_lights_and_spectator_cannot_be_destroyed(world: World) -> None:

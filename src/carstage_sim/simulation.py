@@ -120,7 +120,7 @@ class Simulation:
         settings: episode settings; they outlive an episode unless it is loaded with a reset.
         maps: the maps that clients may load.
         bakes: makes those that are not in the cache while the world runs on.
-        imu_gravity: m/s^2, what clients set for IMU sensors.
+        imu_gravity: m/s^2, what clients set for IMU sensors of this episode.
         recordings: the recorder and the replayer.
 
     Raises:
@@ -239,6 +239,7 @@ class Simulation:
             self._sensors.close()
             self._town, self._source, self._sensors = town, source, sensors
         self.world = world
+        self.imu_gravity = _STANDARD_GRAVITY
         self._ahead = None
         self._missed.clear()
         if reset_settings:

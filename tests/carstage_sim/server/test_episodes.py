@@ -70,3 +70,12 @@ def test_a_map_whose_world_cannot_be_made_leaves_the_episode_as_it_was(
     simulation.load("Stage01", reset_settings=False)
     assert simulation.world.town is before.town
     assert isinstance(simulation.world, World)
+
+
+@pytest.mark.parametrize("town", ["Stage01", "Short"])
+def test_the_gravity_of_imu_sensors_does_not_outlive_its_episode(
+    simulation: Simulation, town: str
+) -> None:
+    simulation.imu_gravity = 1.62
+    simulation.load(town, reset_settings=False)
+    assert simulation.imu_gravity == 9.81

@@ -72,24 +72,25 @@ class WalkerMotion:
             hit: some of them.
             velocity: ``(len(hit), 2)`` m/s.
         """
-        self._remember(walkers, None)
+        self._remember(walkers)
         row_of = {int(actor_id): row for row, actor_id in enumerate(self._ids)}
         self._knock[[row_of[walker.actor_id] for walker in hit]] += velocity
 
     def step(self, table: ActorTable, walkers: Sequence[Actor], delta_s: float) -> None:
         """One tick: walk on, stand on the ground, measure velocities."""
         rows = table.rows(walker.actor_id for walker in walkers)
-        self._remember(walkers, table.location[rows])
+        self._remember(walkers)
         if not walkers:
             return
         # CARLA disables the movement of who is in the air without gravity.
         own = np.array([walker.simulate_physics and walker.gravity for walker in walkers])
         self._fall[~own] = 0.0
         self._knock[~own] = 0.0
-        # Who walks by itself and was put elsewhere since the last tick did not walk there.
+        # Who walks by itself and came or was put elsewhere since the last tick did not walk there.
         begins = table.location[rows]
         put = own & (begins != self._before).any(axis=1)
-        self._before[own] = begins[own]
+        stays = ~own[:, None] & ~np.isnan(self._before)
+        self._before = np.where(stays, self._before, begins)
         if own.any():
             self._walk(table, walkers, np.flatnonzero(own), rows, delta_s)
         here = table.location[rows]
@@ -102,20 +103,17 @@ class WalkerMotion:
         table.velocity[rows] = velocity
         self._before = here
 
-    def _remember(self, walkers: Sequence[Actor], location: FloatArray | None) -> None:
-        """Brings the rows of what is remembered into the order of these walkers."""
+    def _remember(self, walkers: Sequence[Actor]) -> None:
+        """Brings the rows of what is remembered into the order of these walkers; NaN: new ones."""
         ids = np.fromiter((walker.actor_id for walker in walkers), np.int64, len(walkers))
-        new = np.isnan(self._before[:, 0])
-        if np.array_equal(ids, self._ids) and not new.any():
+        if np.array_equal(ids, self._ids):
             return
         known = {int(actor_id): row for row, actor_id in enumerate(self._ids)}
         old = np.array([known.get(int(actor_id), -1) for actor_id in ids], np.int64)
         self._knock = np.concatenate([self._knock, np.zeros((1, 2))])[old]
         self._fall = np.concatenate([self._fall, np.zeros(1)])[old]
-        before = np.concatenate([self._before, np.full((1, 3), np.nan)])[old]
-        if location is not None:
-            before = np.where(np.isnan(before), location, before)
-        self._ids, self._before = ids, before
+        self._before = np.concatenate([self._before, np.full((1, 3), np.nan)])[old]
+        self._ids = ids
 
     def _walk(
         self,

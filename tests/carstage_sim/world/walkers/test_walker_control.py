@@ -142,6 +142,14 @@ def test_however_fast_a_walker_goes_it_tells_its_velocity(world: World) -> None:
     assert np.linalg.norm(velocity(world, walker)) == pytest.approx(20.0, rel=0.01)
 
 
+def test_a_walker_that_comes_with_its_feet_in_the_ground_does_not_jump_out(world: World) -> None:
+    walker = spawned(world, WALKER, 0.0)
+    before = place(world, walker)
+    world.tick(DELTA_S)
+    assert place(world, walker)[2] > before[2] + 0.1
+    assert velocity(world, walker).tolist() == [0.0, 0.0, 0.0]
+
+
 def test_a_walker_s_teleport_is_not_motion(world: World) -> None:
     walker = spawned(world, WALKER, 1.0)
     after(world, 0.5)

@@ -437,6 +437,8 @@ class World:
             actor.gravity = True  # it moves again, as by CARLA's SetDefaultMovementMode
         if actor.type_id.startswith("static.prop."):
             self._mechanics.let_fall(actor_id, falls=enabled)
+            if not enabled:
+                self.actors.stop([actor_id])
         if actor.vehicle is not None:
             self.fleet.set_simulate_physics(actor_id, enabled)
 

@@ -194,6 +194,18 @@ def test_what_rode_on_a_car_stands_when_the_car_is_gone(world: World) -> None:
     assert not world.actors.velocity[world.actors.row(sensor.actor_id)].any()
 
 
+def test_a_falling_prop_whose_physics_end_is_at_rest(world: World) -> None:
+    prop = spawned(world, "static.prop.barrel", 20.0)
+    world.set_simulate_physics(prop.actor_id, True)
+    after(world, 0.5)
+    assert velocity(world, prop)[2] < -4.0
+    world.set_simulate_physics(prop.actor_id, False)
+    before = place(world, prop)
+    world.tick(DELTA_S)
+    assert place(world, prop).tolist() == before.tolist()
+    assert velocity(world, prop).tolist() == [0.0, 0.0, 0.0]
+
+
 def test_a_prop_with_physics_falls_and_lies(world: World) -> None:
     prop = spawned(world, "static.prop.barrel", 2.5)
     after(world, 0.5)

@@ -177,7 +177,9 @@ def _rows_of(
     quoted = ["'" + f"{prefix}{path}".replace("'", "''") + "'" for path in paths]
     # Tables of one version have the same columns. Comparing them opens every file.
     by_name = len({episode.version for episode in episodes}) > 1 or kind in _RIG_COLUMNS
-    source = f"read_parquet([{', '.join(quoted)}], filename = true, union_by_name = {by_name})"
+    # Else folders that are called such as `class=car` would take the place of columns.
+    options = f"filename = true, hive_partitioning = false, union_by_name = {by_name}"
+    source = f"read_parquet([{', '.join(quoted)}], {options})"
     place = rf"episodes/([^/]+)/[^/]+/(?:{AGENTS}/([^/]+)/)?[^/]+$"
     columns = [f"regexp_extract(filename, '{place}', 1) AS episode_id"]
     if name in AGENT_TABLES:

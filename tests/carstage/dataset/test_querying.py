@@ -55,6 +55,15 @@ def test_every_table_can_be_joined_by_episode_frame_and_track(dataset: Path) -> 
     assert found.to_pylist() == [{"rows": rows, "episode": episode.id}]
 
 
+def test_folders_with_equals_signs_are_no_columns(tmp_path: Path) -> None:
+    folder = tmp_path / "class=bus" / "track_id=7" / "seed=1"
+    add_episode(folder, f"{1:016x}", objects={"car": 2})
+    rows = Dataset(folder).sql("SELECT * FROM objects WHERE NOT is_ego AND k = 0")
+    assert rows["class"].to_pylist() == ["car", "car"]
+    assert len(set(rows["track_id"].to_pylist())) == 2
+    assert "seed" not in rows.column_names
+
+
 @pytest.mark.parametrize("query", ["SELECT nothing FROM objects", "SELEC"])
 def test_queries_that_cannot_be_are_refused_in_words(dataset: Path, query: str) -> None:
     with pytest.raises(BadInputError):

@@ -30,6 +30,7 @@ from carstage.dataset import Dataset, Episode
 from carstage.errors import DatasetError
 from carstage.files.bounded import LARGEST_DOCUMENT_BYTES, open_regular, read_bounded
 from carstage.storage import open_store
+from carstage.storage.marker import read_marker
 
 if TYPE_CHECKING:
     from sqlalchemy import Table
@@ -249,31 +250,47 @@ def _replace(connection: Connection, table: Table, key: int, rows: Sequence[Row]
 def _write_splits(connection: Connection, key: int, dataset: Dataset) -> None:
     """The stored splits, and the split of every episode."""
     stored, rows = dataset.stored_splits, list[Row]()
+    wanted = _splits_of(dataset)
     if stored is not None:
-        rule, drawn = stored.rule, list(dataset.splits().values())
+        rule, drawn = stored.rule, list(wanted.values())
         shares = {"train": 1.0 - rule.val - rule.test, "val": rule.val, "test": rule.test}
         for name in rule.wanted:
             counts = {"share": round(shares[name], 9), "episodes": drawn.count(name)}
             rows.append({"name": name, "seed": rule.seed, **counts})
     _replace(connection, SPLITS, key, rows)
-    wanted = {} if stored is None else dataset.splits()
     query = select(EPISODES.c.id, EPISODES.c.episode_id, EPISODES.c.split)
     found = connection.execute(query.where(EPISODES.c.dataset == key)).all()
     moved = [
-        {"row": row.id, "drawn": wanted.get(row.episode_id)}
+        {"row": row.id, "drawn": wanted[row.episode_id]}
         for row in found
-        if row.split != wanted.get(row.episode_id)
+        if row.episode_id in wanted and row.split != wanted[row.episode_id]
     ]
     if moved:
         update = EPISODES.update().where(EPISODES.c.id == bindparam("row"))
         connection.execute(update.values(split=bindparam("drawn")), moved)
 
 
+def _splits_of(dataset: Dataset) -> dict[str, str | None]:
+    """The split of each episode, None without stored splits; those that cannot be read lack."""
+    stored, found = dataset.stored_splits, dict[str, str | None]()
+    for episode in dataset.episodes:
+        if stored is None:
+            found[episode.id] = None
+            continue
+        with suppress(DatasetError):  # what is in the catalog of it stays
+            drawn = stored.episodes.get(episode.id)
+            found[episode.id] = drawn or stored.of(episode.id, episode.base_id)
+    return found
+
+
 def _attempts(dataset: Dataset) -> list[Row]:
     """Every attempt that has files: the episode itself, overtaken by it, or open."""
     committed = {episode.id: episode.marker.attempt for episode in dataset.episodes}
-    rows = []
-    for episode_id, attempt in open_store(dataset.path).attempts():
+    store, rows = open_store(dataset.path), []
+    for episode_id, attempt in store.attempts():
+        if episode_id not in committed and store.has(episode_id):  # since the markers were read
+            marker = read_marker(dataset.path / "commits" / f"{episode_id}.json")
+            committed[episode_id] = marker.attempt
         winner = committed.get(episode_id)
         state = "open" if winner is None else "committed" if winner == attempt else "overtaken"
         rows.append({"episode_id": episode_id, "attempt": attempt, "state": state})

@@ -28,6 +28,7 @@ from carstage.errors import BadInputError, CatalogError
 from small_episodes import add_episode
 
 CLEAR, WET, NIGHT = "00000000000000c1", "00000000000000c2", "00000000000000c3"
+LATE = "00000000000000c4"
 
 pytestmark = pytest.mark.xdist_group("postgres")
 
@@ -156,6 +157,34 @@ class CatalogTests:
         assert "objects.parquet" in summary.problems.pop(WET)
         assert not summary.problems
         assert self.ids(catalog, Dataset(small)) == [CLEAR, NIGHT]
+
+    def test_an_episode_that_cannot_be_read_keeps_its_split(
+        self, catalog: Catalog, indexed: Dataset
+    ) -> None:
+        split_dataset(indexed.path, SplitRule(val=0.4))
+        add_episode(indexed.path, LATE)  # its split follows from its document
+        rebuild(catalog, Dataset(indexed.path))
+        (split,) = [
+            name for name in ("train", "val") if LATE in self.ids(catalog, indexed, split=name)
+        ]
+        (indexed.path / "episodes" / LATE / "a1" / "episode.json").write_text("{}")
+        summary = rebuild(catalog, Dataset(indexed.path))
+        assert list(summary.problems) == [LATE]
+        assert LATE in self.ids(catalog, indexed, split=split)
+
+    def test_what_a_run_records_meanwhile_stays(self, catalog: Catalog, indexed: Dataset) -> None:
+        split_dataset(indexed.path, SplitRule(val=0.4))
+
+        def commit(done: int, total: int) -> None:
+            if done == total:
+                add_episode(indexed.path, LATE)
+                now = Dataset(indexed.path)
+                record_episode(catalog, now, now.episode(LATE), "run-1")
+
+        rebuild(catalog, Dataset(indexed.path), progress=commit)
+        found = show_episode(catalog, location_of(indexed.path, catalog.address), LATE)
+        assert found["split"] == Dataset(indexed.path).splits()[LATE]
+        assert found["attempts"] == {"a1": "committed"}
 
     def test_several_datasets_share_a_catalog(self, catalog: Catalog, tmp_path: Path) -> None:
         for name in ("one", "two"):

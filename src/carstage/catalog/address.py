@@ -109,10 +109,15 @@ def location_of(dataset: DatasetPath, address: CatalogAddress) -> str:
     """By which name a catalog knows a dataset: its URL, or the absolute path of its folder."""
     if not isinstance(dataset, Path):
         return str(dataset)
-    folder = dataset.absolute()
-    if address.file is not None and address.file.absolute().parent == folder:
+    folder = _absolute(dataset)
+    if address.file is not None and _absolute(address.file.parent) == folder:
         return HERE
     return str(folder)
+
+
+def _absolute(folder: Path) -> Path:
+    """One path of a folder, also where it is named by the folder above another one."""
+    return folder.resolve() if ".." in folder.parts else folder.absolute()
 
 
 def parse_address(text: str, *, secret: bool) -> CatalogAddress:

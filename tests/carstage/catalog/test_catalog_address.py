@@ -89,3 +89,17 @@ def test_the_catalog_of_a_dataset_elsewhere_is_in_the_cache(
     assert [file.parent for file in files if file] == [tmp_path / "catalogs"] * 2
     assert files[0] != files[1]
     assert location_of(places[0], own_catalog(places[0])) == "s3://bucket/one"
+
+
+def test_a_folder_has_one_location_however_it_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dataset = tmp_path / "dataset"
+    (tmp_path / "here").mkdir()
+    dataset.mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    shared = parse_address(str(tmp_path / "shared.sqlite"), secret=False)
+    named = Path("../dataset")
+    assert location_of(named, shared) == location_of(dataset, shared) == str(dataset)
+    own = parse_address(str(dataset / "catalog.sqlite"), secret=False)
+    assert location_of(named, own) == location_of(dataset, own_catalog(named)) == "."

@@ -101,4 +101,13 @@ def query_catalog(catalog: Catalog, query: str) -> pa.Table:
             if not postgres and not connection.invalidated:
                 connection.execute(text("PRAGMA query_only = OFF"))
     columns = zip(*rows, strict=True) if rows else ([] for _ in names)
-    return pa.table([pa.array(list(column)) for column in columns], names=names)
+    return pa.table([_column(list(column)) for column in columns], names=names)
+
+
+def _column(values: list[Any]) -> pa.Array[Any]:
+    """Values as Arrow has them, or as texts: an SQLite column may hold a number and a text."""
+    try:
+        column: pa.Array[Any] = pa.array(values)
+    except (pa.ArrowException, OverflowError):
+        column = pa.array([None if value is None else str(value) for value in values], pa.string())
+    return column

@@ -243,6 +243,15 @@ class TestSqlite(CatalogTests):
         with pytest.raises(BadInputError, match="not loaded into SQLite"):
             load_labels(catalog, indexed)
 
+    def test_a_column_of_numbers_and_texts_becomes_texts(
+        self, catalog: Catalog, indexed: Dataset
+    ) -> None:
+        words = "SELECT 'all' AS map, count(*) AS n FROM episodes UNION ALL SELECT 'none', '-'"
+        assert query_catalog(catalog, words).to_pylist() == [
+            {"map": "all", "n": "3"},
+            {"map": "none", "n": "-"},
+        ]
+
     def test_it_is_written_ahead(self, catalog: Catalog) -> None:
         with catalog.reading() as connection:
             assert connection.exec_driver_sql("PRAGMA journal_mode").scalar() == "wal"

@@ -104,7 +104,7 @@ def differences(
     """
     found = []
     earlier_config = _that_matters(_as_read_today(run.get("config")))
-    pairs = [(earlier_config, _that_matters(settings), _MEANS)]
+    pairs = [(*_of_common_variants(earlier_config, _that_matters(settings)), _MEANS)]
     if environment is not None and run.get("environment") is not None:
         pairs.append((run["environment"], environment, frozenset()))
     for earlier, now, without in pairs:
@@ -144,6 +144,36 @@ def _that_matters(config: Any) -> Any:
     if isinstance(campaign, Mapping) and not campaign.get("sample"):
         return {key: value for key, value in config.items() if key != "campaign"}
     return config
+
+
+def _of_common_variants(one: Any, other: Any) -> tuple[Any, Any]:
+    """Settings without the variants that only one of them has: others do not change by those.
+
+    All that one has stay where the first weather of a variant changes every episode's grip.
+    """
+    before, after = _variants_of(one), _variants_of(other)
+    if not (before and after):
+        return one, other
+    if _have_weathers(before) != _have_weathers(after) and _grip_follows(one, other):
+        return one, other
+    common = before.keys() & after.keys()
+    kept = [{name: side[name] for name in side if name in common} for side in (before, after)]
+    return {**one, "variants": kept[0]}, {**other, "variants": kept[1]}
+
+
+def _variants_of(config: Any) -> Mapping[str, Any]:
+    variants = config.get("variants") if isinstance(config, Mapping) else None
+    return variants if isinstance(variants, Mapping) else {}
+
+
+def _have_weathers(variants: Mapping[str, Any]) -> bool:
+    return any(isinstance(one, Mapping) and "weather" in one for one in variants.values())
+
+
+def _grip_follows(*configs: Mapping[str, Any]) -> bool:
+    """Whether variants decide if water on the road takes grip, see ``server.wet_grip``."""
+    servers = [config.get("server") for config in configs]
+    return any(isinstance(one, Mapping) and one.get("wet_grip") == "auto" for one in servers)
 
 
 def _leaves(value: Any, path: str, without: Collection[str]) -> Iterator[tuple[str, str]]:

@@ -88,6 +88,29 @@ def test_other_settings_are_named(change: dict[str, Any], named: str, tmp_path: 
     assert refused.value.exit_code == 2
 
 
+NIGHT = {"weather": {"choice": "ClearNight"}}
+NOON = {"weather": {"choice": "ClearNoon"}}
+
+
+def test_a_variant_more_is_no_other_setting(tmp_path: Path) -> None:
+    earlier_run(tmp_path, variants={"noon": NOON, "night": NIGHT})
+    go_on(tmp_path, variants={"noon": NOON, "night": NIGHT, "small": {"image_size": [64, 48]}})
+    go_on(tmp_path, variants={"night": NIGHT})
+    with pytest.raises(OtherSettingsError, match=r"variants\.night\.weather\.choice is"):
+        go_on(tmp_path, variants={"noon": NOON, "night": NOON})
+    with pytest.raises(OtherSettingsError, match=r"variants"):
+        go_on(tmp_path)
+
+
+def test_the_first_weather_of_a_variant_is_another_setting(tmp_path: Path) -> None:
+    plain = {"noon": {}, "small": {"image_size": [64, 48]}}
+    earlier_run(tmp_path, variants=plain)
+    with pytest.raises(OtherSettingsError, match=r"variants\.night\.weather"):
+        go_on(tmp_path, variants={**plain, "night": NIGHT})  # its water would not take grip
+    earlier_run(tmp_path, name="dry", variants=plain, server={"wet_grip": "off"})
+    go_on(tmp_path, variants={**plain, "night": NIGHT}, server={"wet_grip": "off"})
+
+
 @pytest.mark.parametrize("what", ["carstage", "client", "server", "python", "numpy"])
 def test_another_version_or_environment_is_named(what: str, tmp_path: Path) -> None:
     earlier_run(tmp_path, {**ENVIRONMENT, what: "0.0"})

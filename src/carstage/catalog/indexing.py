@@ -11,7 +11,7 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sqlalchemy import bindparam, delete, select
+from sqlalchemy import BigInteger, bindparam, delete, select
 from sqlalchemy.dialects import postgresql, sqlite
 
 from carstage.catalog.address import location_of
@@ -141,7 +141,7 @@ def record_episode(
         CatalogError: the database refuses something.
         DatasetError: the episode cannot be read.
     """
-    rows = rows_of(episode)
+    rows = _rows_of(episode)
     with catalog.writing() as connection:
         key = _dataset_key(connection, dataset, location_of(dataset.path, catalog.address))
         _write_episode(connection, key, dataset, rows, run_id)
@@ -170,9 +170,45 @@ def _read(batch: Sequence[Episode], summary: IndexSummary) -> Iterator[EpisodeRo
     """The rows of episodes; those that cannot be read become problems."""
     for episode in batch:
         try:
-            yield rows_of(episode)
+            yield _rows_of(episode)
         except DatasetError as error:
             summary.problems[episode.id] = error.message
+
+
+def _rows_of(episode: Episode) -> EpisodeRows:
+    """The rows of an episode, which the database can hold.
+
+    Raises:
+        DatasetError: the episode cannot be read, or has a value of another kind.
+    """
+    rows = rows_of(episode)
+    parts = (
+        (EPISODES, (rows.episode,)),
+        (SENSORS, rows.sensors),
+        (ARTIFACTS, rows.artifacts),
+        (LABEL_SUMMARIES, rows.label_summaries),
+    )
+    for table, of_table in parts:
+        for row in of_table:
+            for name, value in row.items():
+                if not _fits(table, name, value):
+                    raise DatasetError(f"Its {name} cannot be {value!r:.40} ({table.name}).")
+    return rows
+
+
+def _fits(table: Table, name: str, value: Any) -> bool:
+    """Whether a value, which may come from elsewhere, can stand in a column."""
+    column = table.c[name]
+    if value is None:
+        return bool(column.nullable)
+    if isinstance(value, str):
+        if column.type.python_type is not str or "\0" in value:
+            return False
+        return value.isascii() or not any("\ud800" <= letter <= "\udfff" for letter in value)
+    if type(value) is int and column.type.python_type is int:
+        bits = 63 if isinstance(column.type, BigInteger) else 31
+        return -(1 << bits) <= value < 1 << bits
+    return type(value) is column.type.python_type
 
 
 def _batches(episodes: Sequence[Episode]) -> Iterator[list[Episode]]:
@@ -307,8 +343,9 @@ def _runs(dataset: Dataset) -> list[Row]:
     rows = []
     for folder in _run_folders(dataset):
         plan, status = (_document(folder / name) for name in ("plan.json", "status.json"))
-        if plan or status:
-            rows.append({"run_id": folder.name, **run_row(plan, status)})
+        if (plan or status) and _fits(RUNS, "run_id", folder.name):
+            row = {"run_id": folder.name, **run_row(plan, status)}
+            rows.append({key: row[key] if _fits(RUNS, key, row[key]) else None for key in row})
     return rows
 
 

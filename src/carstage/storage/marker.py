@@ -95,7 +95,7 @@ class CommitMarker:
                     ),
                     versions={str(k): str(v) for k, v in document["versions"].items()},
                     # Markers of before the self-test have no such key.
-                    self_test=document.get("self_test"),
+                    self_test=_self_test(document.get("self_test")),
                 )
         except UnknownAlgorithmError as error:
             raise DatasetError(
@@ -112,6 +112,17 @@ class CommitMarker:
             f"this version of Car-STAGE reads {_SHA256_VERSION} to {FORMAT_VERSION}.",
             "Install a newer Car-STAGE.",
         )
+
+
+def _self_test(found: Any) -> Mapping[str, Any] | None:
+    """The verdict on the server.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if found is not None and not isinstance(found, dict):
+        raise ValueError("self_test is no object")
+    return found
 
 
 def _named_hash(entry: Mapping[str, Any], version: int) -> str:

@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -157,6 +158,42 @@ class CatalogTests:
         assert "objects.parquet" in summary.problems.pop(WET)
         assert not summary.problems
         assert self.ids(catalog, Dataset(small)) == [CLEAR, NIGHT]
+
+    @pytest.mark.parametrize(
+        ("path", "change", "named"),
+        [
+            ("commits/{}.json", {"frames": 10**30}, "frames"),
+            ("commits/{}.json", {"versions": {"client": "a\0b"}}, "client"),
+            ("commits/{}.json", {"versions": {"client": "a\ud800b"}}, "client"),
+            ("episodes/{}/a1/calibration.json", {"width": "wide"}, "width"),
+            ("episodes/{}/a1/calibration.json", {"kind": ["rgb"]}, "kind"),
+            ("episodes/{}/a1/calibration.json", {"labelled": "yes"}, "labelled"),
+        ],
+    )
+    def test_a_value_that_no_column_holds_is_a_problem_of_its_episode(
+        self, catalog: Catalog, small: Path, path: str, change: dict[str, Any], named: str
+    ) -> None:
+        file = small / path.format(WET)
+        document = json.loads(file.read_text())
+        next(iter(document.get("sensors", {}).values()), document).update(change)
+        file.write_text(json.dumps(document))
+        summary = rebuild(catalog, Dataset(small))
+        assert f"Its {named} cannot be" in summary.problems[WET]
+        assert self.ids(catalog, Dataset(small)) == [CLEAR, NIGHT]
+
+    def test_what_a_runs_folder_says_amiss_is_not_known(
+        self, catalog: Catalog, small: Path
+    ) -> None:
+        folder = small / "runs" / "run-1"
+        folder.mkdir(parents=True)
+        status = {"state": ["done"], "episodes": {"total": 10**30, "committed": 3}}
+        (folder / "status.json").write_text(json.dumps(status))
+        (folder / "plan.json").write_text(json.dumps({"config": {"name": {}}, "shard": 5}))
+        rebuild(catalog, Dataset(small))
+        found = query_catalog(catalog, "SELECT run_id, name, state, total, committed FROM runs")
+        assert found.to_pylist() == [
+            {"run_id": "run-1", "name": None, "state": None, "total": None, "committed": 3}
+        ]
 
     def test_an_episode_that_cannot_be_read_keeps_its_split(
         self, catalog: Catalog, indexed: Dataset

@@ -47,3 +47,11 @@ def test_an_unknown_algorithm_asks_for_a_newer_version() -> None:
 def test_an_entry_without_a_hash_is_damage(entry: dict[str, str]) -> None:
     with pytest.raises(DatasetError, match="damaged"):
         CommitMarker.from_bytes(_marker(2, **entry), "e.json")
+
+
+@pytest.mark.parametrize("self_test", [[1], "ok", True])
+def test_a_self_test_that_is_no_object_is_damage(self_test: object) -> None:
+    document = json.loads(_marker(2, hash=f"blake3:{_DIGEST}"))
+    document["self_test"] = self_test
+    with pytest.raises(DatasetError, match="damaged"):
+        CommitMarker.from_bytes(json.dumps(document).encode(), "e.json")

@@ -34,7 +34,8 @@ class TimingSpec(Value):
         """Check and read the section; ``step_s`` is what the sub-steps have to cover."""
         substep_s = fields.number("max_substep_delta_time_s", 0.0)
         substeps = fields.integer("max_substeps", 1)
-        if step_s > substep_s * substeps * (1.0 + _SLACK):
+        # At least as much slack as configurations have: what they take must be read again.
+        if step_s > substep_s * substeps * (1.0 + _SLACK) + _SLACK:
             raise SpecError(
                 "%s: %d sub-steps of %g s do not cover a step of %g s."
                 % (fields.path("max_substeps"), substeps, substep_s, step_s),

@@ -115,6 +115,13 @@ def test_what_changes_truth_or_labels_changes_the_id(text: str) -> None:
     assert plan(text)[0].episode_id != plan()[0].episode_id
 
 
+@pytest.mark.parametrize("substep_s", ["0.033333333", "0.0333333333", "0.04"])
+def test_substeps_that_a_configuration_may_have_are_read_again(substep_s: str) -> None:
+    substepping = f"{{max_substep_delta_time_s: {substep_s}, max_substeps: 1}}"
+    (spec,) = plan(f"fps: 30\ntiming: {{substepping: {substepping}}}")
+    assert EpisodeSpec.from_json(spec.to_json()) == spec
+
+
 def test_every_consumer_has_its_own_seed() -> None:
     seeds = [spec.seeds for spec in plan("episodes: 10")]
     assert len({value for seed in seeds for value in astuple(seed)}) == 10 * len(fields(Seeds))

@@ -70,7 +70,9 @@ class Frame:
 
         No rows of ``camera_objects`` then mean that it shows no object.
         """
-        return self.has(camera_id) and camera_id not in self.unlabelled
+        if not self.has(camera_id) or camera_id in self.unlabelled:
+            return False
+        return self.episode.calibration.sensors[camera_id].labelled
 
     def read(self, sensor_id: str) -> NDArray[Any]:
         """The sensor's data, see ``Sensor.read``."""

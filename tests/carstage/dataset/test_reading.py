@@ -117,3 +117,11 @@ def test_a_missing_frame_is_a_dataset_error(folder: Path) -> None:
 def test_a_damaged_mask_is_a_dataset_error(counts: str) -> None:
     with pytest.raises(DatasetError, match="mask"):
         decode_mask(counts, 4, 4)
+
+
+def test_only_labelled_cameras_have_labelled_pictures(folder: Path) -> None:
+    (episode,) = Dataset(folder).episodes
+    frame = next(episode.iter_frames())
+    labelled = {sensor.id for sensor in episode.sensors if frame.has_labelled(sensor.id)}
+    assert labelled == {"CAM_FRONT", "CAM_LEFT"}
+    assert not frame.has_labelled("CAM_OF_NOBODY")

@@ -65,11 +65,14 @@ def check_removable(place: DatasetPath) -> None:
 
     Raises:
         DatasetError: it has neither ``dataset.json`` nor commit markers.
+        BadInputError: it is a link to one.
     """
     if not (place / _LAST).is_file() and not (place / _FIRST).is_dir():
         raise DatasetError(
             f"{place} is no Car-STAGE dataset: it has no {_LAST}.", "Name what was given as --out."
         )
+    if isinstance(place, Path) and place.is_symlink():
+        raise BadInputError(f"{place} is a link.", "Name the folder that it leads to.")
 
 
 def remove_dataset(place: DatasetPath) -> list[str]:
@@ -82,6 +85,7 @@ def remove_dataset(place: DatasetPath) -> list[str]:
 
     Raises:
         DatasetError: there is none.
+        BadInputError: the place is a link to one.
         StorageError: something cannot be removed; the same call again goes on.
     """
     check_removable(place)

@@ -127,6 +127,15 @@ def test_nobody_who_cannot_be_asked_loses_anything(drives: Path) -> None:
     assert drives.exists()
 
 
+def test_a_link_to_a_dataset_is_not_removed(drives: Path, tmp_path: Path) -> None:
+    link = tmp_path / "link"
+    link.symlink_to(drives)
+    refused = carstage("dataset", "delete", str(link), "--yes")
+    assert (refused.returncode, refused.stdout) == (2, "")
+    assert f"{link} is a link" in refused.stderr
+    assert len(Dataset(drives).episodes) == 1
+
+
 def test_datasets_are_renamed_and_removed_by_what_the_page_shows(drives: Path) -> None:
     (drives / "my notes.txt").write_text("mine")
     outside = drives.parent.parent / "outside"

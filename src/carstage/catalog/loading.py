@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from contextlib import closing
 from typing import TYPE_CHECKING, Any, Final
 
@@ -76,10 +76,13 @@ def load_labels(
             for done, episode in enumerate(dataset.episodes, 1):
                 for name, read in LOADED.items():
                     table = _as_postgres_has_it(read(episode), location, episode.id)
-                    _replace(cursor, name, table)
+                    _replace(cursor, name, table, location, episode.id)
                     rows += table.num_rows
                 connection.commit()
                 progress(done, len(dataset.episodes))
+            for name in LOADED:
+                _drop_others(cursor, name, location, {one.id for one in dataset.episodes})
+            connection.commit()
     except dbapi.Error as error:
         words = " ".join(str(error).split())
         raise CatalogError(
@@ -91,20 +94,35 @@ def load_labels(
     return rows
 
 
-def _replace(cursor: Any, name: str, table: pa.Table) -> None:
+def _replace(cursor: Any, name: str, table: pa.Table, location: str, episode_id: str) -> None:
     """Exchange the rows of one episode; the table is made where it is missing."""
-    cursor.execute("SELECT to_regclass($1)::text", (name,))
-    if cursor.fetchone()[0] is not None:
-        episode = table.slice(0, 1).select(["dataset", "episode_id"]).to_pylist()
-        if episode:
-            cursor.execute(
-                f"DELETE FROM {name} WHERE dataset = $1 AND episode_id = $2",
-                tuple(episode[0].values()),
-            )
+    if _is_there(cursor, name):
+        _delete(cursor, name, location, episode_id)
         cursor.adbc_ingest(name, table, mode="append")
         return
     cursor.adbc_ingest(name, table, mode="create")
     cursor.execute(f"CREATE INDEX ON {name} (episode_id, dataset)")
+
+
+def _drop_others(cursor: Any, name: str, location: str, kept: Collection[str]) -> None:
+    """Drop the rows of episodes that a dataset has no more."""
+    if not _is_there(cursor, name):  # of a dataset without episodes
+        return
+    cursor.execute(f"SELECT DISTINCT episode_id FROM {name} WHERE dataset = $1", (location,))
+    for (episode_id,) in cursor.fetchall():
+        if episode_id not in kept:
+            _delete(cursor, name, location, episode_id)
+
+
+def _is_there(cursor: Any, name: str) -> bool:
+    cursor.execute("SELECT to_regclass($1)::text", (name,))
+    return cursor.fetchone()[0] is not None
+
+
+def _delete(cursor: Any, name: str, location: str, episode_id: str) -> None:
+    cursor.execute(
+        f"DELETE FROM {name} WHERE dataset = $1 AND episode_id = $2", (location, episode_id)
+    )
 
 
 def _as_postgres_has_it(table: pa.Table, location: str, episode_id: str) -> pa.Table:

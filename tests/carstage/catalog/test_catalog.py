@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -25,6 +26,7 @@ from carstage.catalog import (
 )
 from carstage.catalog.address import location_of, parse_address
 from carstage.dataset import Dataset, SplitRule, split_dataset
+from carstage.dataset.tables import write_table
 from carstage.errors import BadInputError, CatalogError
 from small_episodes import add_episode
 
@@ -333,6 +335,21 @@ class PostgresTests(CatalogTests):
         rows = [(row["episode_id"], row["n"]) for row in query_catalog(catalog, count).to_pylist()]
         assert rows == [(CLEAR, 16), (WET, 28), (NIGHT, 8)]
         assert first == second == 2 * sum(n for _, n in rows) + 12
+
+    def test_copied_labels_are_those_of_the_files_of_now(
+        self, catalog: Catalog, analytic: Path, tmp_path: Path
+    ) -> None:
+        shutil.copytree(analytic, tmp_path / "set")
+        (episode,) = Dataset(tmp_path / "set").episodes
+        assert load_labels(catalog, Dataset(tmp_path / "set")) > 0
+        count = "SELECT count(*) AS n FROM loaded_objects"
+        write_table(episode.objects().slice(0, 0), Path(str(episode.folder)) / "objects.parquet")
+        load_labels(catalog, Dataset(tmp_path / "set"))
+        assert query_catalog(catalog, count).to_pylist() == [{"n": 0}]
+        (tmp_path / "set" / "commits" / f"{episode.id}.json").unlink()
+        load_labels(catalog, Dataset(tmp_path / "set"))
+        count = "SELECT count(*) AS n FROM loaded_ego"
+        assert query_catalog(catalog, count).to_pylist() == [{"n": 0}]
 
     def test_every_column_of_the_label_tables_has_a_type_there(
         self, catalog: Catalog, analytic: Path

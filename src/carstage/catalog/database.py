@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import logging
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 from sqlalchemy import URL, create_engine, event, exc, make_url
 
@@ -187,14 +190,16 @@ def _engine(address: CatalogAddress, *, create: bool) -> Engine:
         raise BadInputError(
             f"There is no catalog at {file}.", "Make it: carstage catalog rebuild DATASET."
         )
-    place = URL.create("sqlite", database=str(file))
+    only_read = not create and not all(os.access(one, os.W_OK) for one in (file, file.parent))
+    place = _only_read(file) if only_read else URL.create("sqlite", database=str(file))
     engine = create_engine(place, connect_args={"timeout": _BUSY_S})
 
     @event.listens_for(engine, "connect")
     def _prepare(connection: Any, record: Any) -> None:
         del record
         connection.isolation_level = None  # the driver begins no transactions of its own
-        for pragma in ("journal_mode = WAL", "synchronous = NORMAL", "foreign_keys = ON"):
+        pragmas = ("journal_mode = WAL", "synchronous = NORMAL", "foreign_keys = ON")
+        for pragma in () if only_read else pragmas:
             connection.execute(f"PRAGMA {pragma}")
 
     @event.listens_for(engine, "begin")
@@ -204,3 +209,16 @@ def _engine(address: CatalogAddress, *, create: bool) -> Engine:
         connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
 
     return engine
+
+
+def _only_read(file: Path) -> URL:
+    """An SQLite file that this user may only read.
+
+    What is written ahead lies beside it and is read with it. Where there is nothing, SQLite would
+    make those files, unless it is told that the database stays as it is
+    (https://sqlite.org/wal.html#readonly).
+    """
+    options = {"mode": "ro", "uri": "true"}
+    if not file.with_name(f"{file.name}-wal").exists():
+        options["immutable"] = "1"
+    return URL.create("sqlite", database=f"file:{quote(str(file.absolute()))}", query=options)

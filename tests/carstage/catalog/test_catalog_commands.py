@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -52,6 +54,35 @@ def test_from_a_dataset_to_pages_and_back(small: Path) -> None:
     (small / "episodes" / WET / "a1" / "ego.parquet").unlink()
     found = json_of("verify", small, code=1)
     assert [one["kind"] for one in found["differences"]] == ["missing"]
+
+
+def test_what_may_only_be_read_can_be_read(tmp_path: Path) -> None:
+    folder = tmp_path / "read? only#%41"
+    add_episode(folder, CLEAR)
+    call("rebuild", folder)
+    # Root may write everywhere, unless it gives that up.
+    without = [] if os.geteuid() else ["setpriv", "--bounding-set=-dac_override,-dac_read_search"]
+    if without and shutil.which("setpriv") is None:
+        pytest.skip("there is no setpriv to give up root's rights with")
+    program = [*without, sys.executable, "-m", "carstage.cli", "catalog"]
+    for path in (folder / "catalog.sqlite", folder):
+        path.chmod(path.stat().st_mode & ~0o222)
+    try:
+        for words in (
+            ["list", folder],
+            ["show", folder, CLEAR],
+            ["verify", folder],
+            ["query", folder, "SELECT count(*) FROM episodes", "--index"],
+        ):
+            done = subprocess.run([*program, *words], capture_output=True, text=True, check=False)
+            assert done.returncode == 0, done.stderr
+        done = subprocess.run(
+            [*program, "rebuild", folder], capture_output=True, text=True, check=False
+        )
+        assert done.returncode != 0
+        assert "Traceback" not in done.stderr
+    finally:
+        folder.chmod(0o755)
 
 
 def test_a_query_says_what_it_read(small: Path) -> None:

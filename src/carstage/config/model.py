@@ -452,7 +452,8 @@ class Config(Section):
     def _is_labelled(self, sensor: Sensor) -> bool:
         if self.labels.cameras == "all":
             return sensor.row.content == COLOUR
-        return sensor.id in self.labels.cameras
+        # Another vehicle's sensor, or another variant's, may have the id of a camera.
+        return sensor.row.is_camera and sensor.id in self.labels.cameras
 
     def warnings(self) -> list[str]:
         """What may be meant and still surprises; each begins with the field's path."""

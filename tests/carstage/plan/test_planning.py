@@ -160,6 +160,19 @@ def test_labelled_camera_gets_hidden_twins_of_its_pose_and_intrinsics() -> None:
     assert depth.attributes == {"image_size_x": "640", "image_size_y": "360", "fov": "90.0"}
 
 
+@pytest.mark.parametrize("kind", ["lidar", "imu"])
+def test_only_cameras_are_labelled_where_agents_use_an_id_again(kind: str) -> None:
+    (spec,) = plan(
+        f"""
+        labels: {{cameras: [TOP]}}
+        rig: {{sensors: [{{id: TOP, kind: rgb}}]}}
+        agents: [{{name: one, kind: vehicle, rig: {{sensors: [{{id: TOP, kind: {kind}}}]}}}}]
+        """
+    )
+    assert [sensor.labelled for sensor in spec.sensors if not sensor.hidden] == [True]
+    assert not any(sensor.labelled for sensor in spec.seen_by("one").sensors)
+
+
 def test_twins_of_a_rolling_shutter_roll_alike() -> None:
     rolling = "attributes: {rolling_shutter_s: 0.02}"
     planned = sensors(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage.config.campaign import Condition, Quota
+from carstage.config.scene import map_name
 from carstage.dataset.reading import Episode
 from carstage.dataset.tables import require_columns
 
@@ -66,7 +67,7 @@ def frames_where(episode: Episode, where: Condition) -> NDArray[np.bool_]:
         DatasetError: one of its tables is missing or damaged.
     """
     meets = np.ones(episode.frames, np.bool_)
-    if where.maps is not None and episode.spec.map not in {_short(name) for name in where.maps}:
+    if where.maps is not None and episode.spec.map not in set(map(map_name, where.maps)):
         return ~meets
     sun = (where.sun_altitude_above_deg, where.sun_altitude_below_deg)
     if where.weathers is not None or any(bound is not None for bound in sun):
@@ -111,7 +112,3 @@ def _with_objects(episode: Episode, where: Condition) -> NDArray[np.bool_]:
     k = table["k"].to_numpy()[counts]
     found: NDArray[np.bool_] = np.bincount(k, minlength=episode.frames) >= where.min_count
     return found[: episode.frames]
-
-
-def _short(map_name: str) -> str:
-    return map_name.rsplit("/", 1)[-1]

@@ -38,6 +38,14 @@ def test_frames_count_that_have_enough_of_the_objects(episode: Episode) -> None:
     assert count(episode, objects="bus") == 0
 
 
+@pytest.mark.parametrize("folder", ["", "/Game/Carla/Maps/", "towns/"])
+def test_a_map_may_be_named_as_in_the_configuration(episode: Episode, folder: str) -> None:
+    name = f"{folder}{episode.spec.map}"
+    assert count(episode, maps=["Town99", name]) == FRAMES
+    assert count(episode, maps=[f"{name}.xodr"]) == FRAMES
+    assert count(episode, maps=["Town99"]) == 0
+
+
 @pytest.mark.parametrize("cut", [0.5, 1.5])
 def test_distance_decides_which_objects_count(episode: Episode, cut: float) -> None:
     rows = episode.objects().to_pylist()

@@ -12,6 +12,9 @@ from carstage.cli.output import Debug, Json, command, note, result, result_json
 if TYPE_CHECKING:
     from carstage.runs.estimating import CampaignEstimate
 
+_HIGHEST_PRICE = 1e9
+"""What is not finite has no place in JSON."""
+
 
 @command
 def estimate(
@@ -33,13 +36,17 @@ def estimate(
         int, typer.Option("--workers", min=1, max=100_000, help="Servers at the same time.")
     ] = 1,
     price_core_hour: Annotated[
-        float, typer.Option(min=0.0, help="Price of a core for an hour.")
+        float, typer.Option(min=0.0, max=_HIGHEST_PRICE, help="Price of a core for an hour.")
     ] = 0.0,
     price_gpu_hour: Annotated[
-        float, typer.Option(min=0.0, help="Price of a worker's GPU for an hour.")
+        float,
+        typer.Option(min=0.0, max=_HIGHEST_PRICE, help="Price of a worker's GPU for an hour."),
     ] = 0.0,
     price_gb_month: Annotated[
-        float, typer.Option(min=0.0, help="Price of a gigabyte of storage for a month.")
+        float,
+        typer.Option(
+            min=0.0, max=_HIGHEST_PRICE, help="Price of a gigabyte of storage for a month."
+        ),
     ] = 0.0,
     json: Json = False,
     debug: Debug = False,

@@ -67,3 +67,16 @@ def test_a_wrong_campaign_ends_with_status_2_before_anything_starts(tmp_path: Pa
         assert ended.exit_code == 2, ended.output
         assert "vehicles.count.range[1]: 5000 is too large." in ended.output
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("price", ["inf", "nan", "-1", "1e300"])
+def test_a_price_that_json_cannot_hold_is_refused(price: str, tmp_path: Path) -> None:
+    from typer.testing import CliRunner
+
+    from carstage.cli.app import app
+
+    config = tmp_path / "config.yaml"
+    config.write_text("name: priced\n")
+    words = ["estimate", str(config), "--no-pilot", "--json", "--price-gb-month", price]
+    ended = CliRunner().invoke(app, words)
+    assert (ended.exit_code, ended.stdout) == (2, "")

@@ -102,11 +102,12 @@ class CollectorAhead:
         """Give it its plan; returns whether it takes it. It belongs to the caller then."""
         stream = self.process.stdin
         assert stream is not None
-        if self.process.poll() is not None:
+        place = os.fsencode(plan_path)
+        if self.process.poll() is not None or b"\n" in place:  # it is told by one line
             self.end()
             return False
         try:
-            stream.write(os.fsencode(plan_path) + b"\n")
+            stream.write(place + b"\n")
             stream.flush()
         except BrokenPipeError:
             self.end()

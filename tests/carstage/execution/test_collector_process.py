@@ -177,6 +177,21 @@ def test_one_that_has_ended_without_its_plan_is_replaced(tmp_path: Path) -> None
         assert child.wait(DEADLINE_S) == 9
 
 
+def test_a_plan_whose_path_has_several_lines_is_read(tmp_path: Path) -> None:
+    folder = tmp_path / "two\nlines"
+    folder.mkdir()
+    collector = CollectorProcess(
+        {"plan_version": 0},
+        plan_path=folder / "plan.json",
+        log_path=tmp_path / "collector.log",
+        ahead=CollectorAhead(tmp_path / "collector.log", sys.executable),
+    )
+    with collector as child:
+        refused = listen(child)[0]
+        assert child.wait(DEADLINE_S) == 2
+    assert "plan_version" in refused["message"]
+
+
 def test_one_that_gets_no_plan_is_ended(tmp_path: Path) -> None:
     waiting, _ = with_one_ahead(tmp_path, "read -r plan")
     waiting.end()

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carstage.codecs.images import grey_pixels
-from carstage.errors import DatasetError
+from carstage.errors import DatasetError, StoreAccessError
 from carstage.files.bounded import read_bounded
 from carstage.plan.stereo import disparity_name
 from carstage.storage.remote_path import DatasetPath
@@ -17,9 +17,12 @@ def read_disparity_steps(folder: DatasetPath, sensor_id: str, k: int) -> NDArray
 
     Raises:
         DatasetError: the file is missing or damaged.
+        StoreAccessError: the object store lets nobody look.
     """
     path = folder / disparity_name(sensor_id, k)
     try:
         return np.asarray(grey_pixels(read_bounded(path), np.uint16), np.uint16)
+    except StoreAccessError:  # a ValueError, too; it says nothing of the file
+        raise
     except (OSError, ValueError) as error:
         raise DatasetError(f"{path} cannot be read: {error}.") from error

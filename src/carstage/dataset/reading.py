@@ -22,7 +22,7 @@ from carstage.dataset.querying import EpisodeTables
 from carstage.dataset.saved_frames import Damage, EpisodeFrames, Frame
 from carstage.dataset.surroundings import read_birds_eye, read_occupancy
 from carstage.dataset.tables import read_table, require_columns, row_sensor
-from carstage.errors import BadInputError, DatasetError
+from carstage.errors import BadInputError, DatasetError, StoreAccessError
 from carstage.files.bounded import read_bounded
 from carstage.geometry import GeoFrame, pose_matrix
 from carstage.geometry.stereo import STEPS_PER_PX, CameraPair
@@ -113,11 +113,14 @@ class Sensor:
 
         Raises:
             DatasetError: the frame is missing or damaged.
+            StoreAccessError: the object store lets nobody look.
         """
         if self._codec is None:
             return self._row(k)
         try:
             return self.decode([read_bounded(path) for path in self.paths(k)])
+        except StoreAccessError:  # a ValueError, too; it says nothing of the frame
+            raise
         except FileNotFoundError as error:
             raise DatasetError(f"Sensor {self.id} has no frame {k}: {error.filename}.") from error
         except (OSError, ValueError) as error:
@@ -265,8 +268,9 @@ class Episode:
         Raises:
             DatasetError: ``episode.json`` is missing or damaged.
         """
+        document = self.document
         try:
-            return GeoFrame.from_json(self.document["geo_reference"])
+            return GeoFrame.from_json(document["geo_reference"])
         except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise DatasetError(f"{self.folder / 'episode.json'} is damaged: {error}.") from error
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal, get_args
 
-from carstage.errors import BadInputError, DatasetError
+from carstage.errors import BadInputError, DatasetError, StoreAccessError
 from carstage.files.bounded import read_bounded
 from carstage.storage.remote_path import DatasetPath
 
@@ -177,6 +177,7 @@ def read_splits(folder: DatasetPath) -> StoredSplits | None:
 
     Raises:
         DatasetError: the file is too large, damaged, or of another format version.
+        StoreAccessError: the object store lets nobody look.
     """
     path = folder / SPLITS_FILE
     hint = "Make it again: carstage split DATASET --overwrite."
@@ -187,6 +188,8 @@ def read_splits(folder: DatasetPath) -> StoredSplits | None:
         if isinstance(path, Path) and path.is_symlink():
             raise DatasetError(f"{path} is a link to nothing.", hint) from error
         return None
+    except StoreAccessError:  # a ValueError, too; it says nothing of the file
+        raise
     except OSError as error:
         reason = f"it is no file of a fitting size: {error.strerror}"
         raise DatasetError(f"{path} cannot be read: {reason}.", hint) from error

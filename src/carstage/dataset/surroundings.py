@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from carstage.birds_eye import BirdsEye, birds_eye_name, unpack_birds_eye
-from carstage.errors import DatasetError
+from carstage.errors import DatasetError, StoreAccessError
 from carstage.files.bounded import read_bounded
 from carstage.occupancy import Occupancy, occupancy_name, unpack_occupancy
 from carstage.storage.remote_path import DatasetPath
@@ -19,6 +19,7 @@ def read_birds_eye(folder: DatasetPath, k: int) -> BirdsEye:
 
     Raises:
         DatasetError: the file is missing or damaged.
+        StoreAccessError: the object store lets nobody look.
     """
     return _read(folder / birds_eye_name(k), unpack_birds_eye)
 
@@ -31,5 +32,7 @@ def read_occupancy(folder: DatasetPath, k: int) -> Occupancy:
 def _read(path: DatasetPath, unpack: Callable[[bytes], _Content]) -> _Content:
     try:
         return unpack(read_bounded(path))
+    except StoreAccessError:  # a ValueError, too; it says nothing of the file
+        raise
     except (OSError, ValueError) as error:
         raise DatasetError(f"{path} cannot be read: {error}.") from error

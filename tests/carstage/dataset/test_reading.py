@@ -16,7 +16,9 @@ from carstage.conversion.documents import calibration_document
 from carstage.conversion.sensors import plan_sensors
 from carstage.dataset import Dataset, decode_mask
 from carstage.dataset.calibration import calibration_of
-from carstage.errors import BadInputError, DatasetError
+from carstage.dataset.disparity import read_disparity_steps
+from carstage.dataset.surroundings import read_occupancy
+from carstage.errors import BadInputError, DatasetError, StoreAccessError
 from carstage.spec import EpisodeSpec
 
 
@@ -125,3 +127,25 @@ def test_only_labelled_cameras_have_labelled_pictures(folder: Path) -> None:
     labelled = {sensor.id for sensor in episode.sensors if frame.has_labelled(sensor.id)}
     assert labelled == {"CAM_FRONT", "CAM_LEFT"}
     assert not frame.has_labelled("CAM_OF_NOBODY")
+
+
+def test_a_store_that_lets_nobody_look_is_no_damage(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(path: Path, *_: int) -> bytes:
+        raise StoreAccessError(f"{path}: the store refuses the credentials.")
+
+    (episode,) = Dataset(folder).episodes
+    sensor = episode.sensor("CAM_LEFT")
+    for module in ("reading", "documents", "surroundings", "disparity", "splits"):
+        monkeypatch.setattr(f"carstage.dataset.{module}.read_bounded", refused)
+    for read in (
+        lambda: sensor.read(0),
+        lambda: Dataset(folder).episodes[0].spec,
+        lambda: Dataset(folder).episodes[0].geo_frame,
+        lambda: Dataset(folder).stored_splits,
+        lambda: read_occupancy(episode.folder, 0),
+        lambda: read_disparity_steps(episode.folder, sensor.id, 0),
+    ):
+        with pytest.raises(StoreAccessError, match="credentials"):
+            read()

@@ -69,6 +69,21 @@ def test_no_page_is_wider_than_the_screen(open_page: OpenPage, width: int, heigh
         assert right["y"] + right["height"] <= height, "and both fit on the screen"
 
 
+@pytest.mark.parametrize(("width", "height"), [(1440, 900), (390, 844)])
+def test_pages_are_scrolled_below_the_bar_alone(
+    open_page: OpenPage, width: int, height: int
+) -> None:
+    page = open_page("#/configure", width=width, height=height)
+    for address in ("#/configure", "#/run", "#/datasets/scene", episode_address(page)):
+        page.evaluate(f"location.hash = '{address}'")
+        settle(page)
+        page.locator(".content > *").first.wait_for()
+        over = page.evaluate(
+            "document.documentElement.scrollHeight - document.documentElement.clientHeight"
+        )
+        assert over <= 0, address
+
+
 def test_at_1440_px_the_toolbar_is_one_row_and_no_name_of_a_setting_is_cut(
     open_page: OpenPage,
 ) -> None:

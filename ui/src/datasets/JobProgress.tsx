@@ -1,6 +1,6 @@
 import { post, sentence } from "../api/client";
 import type { Job } from "../api/types";
-import { count, percent } from "../ui/format";
+import { count } from "../ui/format";
 
 /** How far an export or a validation is; ends it on request. */
 export function JobProgress({ job }: { job: Job }) {
@@ -13,7 +13,7 @@ export function JobProgress({ job }: { job: Job }) {
       {job.state === "running" ? (
         <>
           <div className="bar" role="progressbar" aria-label={job.title} aria-valuenow={Math.round(share * 100)} aria-valuemin={0} aria-valuemax={100}>
-            <span style={{ width: percent(share) }} />
+            <span style={{ width: `${share * 100}%` }} />
           </div>
           <span className="muted">
             {job.phase} {total > 0 ? `${done} of ${count(total, "frame")}` : ""}

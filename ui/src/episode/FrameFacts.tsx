@@ -31,7 +31,7 @@ export const FrameFacts = memo(function FrameFacts({ detail, camera, frame, chos
           {Object.entries(frame.readings).flatMap(([sensor, columns]) =>
             Object.entries(columns)
               .filter(([column]) => column !== "k" && column !== "timestamp_s")
-              .map(([column, value]) => <Fact key={sensor + column} name={`${sensor} ${column}`} value={reading(value)} />),
+              .map(([column, value]) => <Fact key={sensor + column} name={`${sensor} ${readingName(column)}`} value={readingText(column, value)} />),
           )}
           <Fact name="Road users" value={`${String(detail.spawned.vehicles ?? "–")} vehicles, ${String(detail.spawned.pedestrians ?? "–")} pedestrians`} />
         </dl>
@@ -130,6 +130,27 @@ function Fact({ name, value }: { name: string; value: string }) {
 /** From the ego's pivot to the middle of an object's box, m. */
 export function distance({ ego_from_box: m }: FrameObject): number {
   return Math.hypot(m[0]?.[3] ?? 0, m[1]?.[3] ?? 0, m[2]?.[3] ?? 0);
+}
+
+/** Units of what IMU and GNSS read, where the column's name does not end in one, and digits that tell something. */
+const READ_UNITS: Record<string, string> = { accelerometer: "m/s²", gyroscope: "rad/s" };
+const READ_DIGITS: Record<string, number> = { "m/s²": 2, "rad/s": 4, rad: 4, "°": 7, m: 2 };
+
+/** What a small sensor reads, without its unit. */
+export function readingName(column: string): string {
+  return column.replace(/_(rad|deg|m)$/, "");
+}
+
+/** The reading with its unit. */
+export function readingText(column: string, value: unknown): string {
+  const ending = /_(rad|deg|m)$/.exec(column)?.[1];
+  const unit = ending === "deg" ? "°" : (ending ?? READ_UNITS[column] ?? "");
+  const digits = READ_DIGITS[unit];
+  const values = Array.isArray(value) ? value : [value];
+  if (digits === undefined || !values.every((one) => typeof one === "number")) return reading(value);
+  // No zero with a minus.
+  const texts = values.map((one: number) => one.toFixed(digits).replace(/^-(0\.0*)$/, "$1"));
+  return `${texts.join(", ")}${unit === "°" ? unit : ` ${unit}`}`;
 }
 
 function number(value: number | null | undefined): string {

@@ -36,6 +36,7 @@ export function TickPlots({ run }: { run: RunSummary }) {
             <LineChart
               key={one.title}
               title={one.title}
+              over={!isActive(run)}
               lines={[{ points: one.points(own, taken, begin), colour: one.colour }]}
               note={one === QUEUE ? (waited > 0.05 ? `steps have waited ${waited.toFixed(1)} s in all` : "no step has waited") : undefined}
               format={one.format}

@@ -16,18 +16,22 @@ export interface Line {
 interface Props {
   title: string;
   note?: string;
+  /** Nothing more is measured: the last value is not what is now. */
+  over?: boolean;
   lines: readonly Line[];
   format(value: number): string;
 }
 
 const HEIGHT = 104;
-const [LEFT, RIGHT, TOP, BOTTOM] = [58, 8, 6, 20];
+const [LEFT, RIGHT, TOP, BOTTOM] = [66, 8, 6, 20];
+/** Half of the longest time below the axis. */
+const HALF_LABEL_PX = 32;
 const MOST_DRAWN = 400;
 const LEAST_TICK_PX = 90;
 const ROUND_S = [1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 21600, 86400];
 
 /** Lines over seconds on common axes; pointer and arrow keys read single values. */
-export function LineChart({ title, note, lines, format }: Props) {
+export function LineChart({ title, note, over, lines, format }: Props) {
   const [host, { width }] = useSize<HTMLDivElement>();
   const [at, setAt] = useState<number | null>(null);
   const shown = lines.map((line) => ({ ...line, points: thinned(line.points) }));
@@ -56,7 +60,7 @@ export function LineChart({ title, note, lines, format }: Props) {
       <figcaption>
         <h3>{title}</h3>
         <span className="muted" role="status">
-          {time === undefined ? overview(shown, highest, format, note) : reading(shown, time, format)}
+          {time === undefined ? overview(shown, highest, format, over, note) : reading(shown, time, format)}
         </span>
       </figcaption>
       <div
@@ -81,7 +85,7 @@ export function LineChart({ title, note, lines, format }: Props) {
               </g>
             ))}
             {axisTicks(from, to, Math.max(1, Math.floor((width - LEFT) / LEAST_TICK_PX)), true).map((value) => (
-              <text key={value} className="chart-label" x={Math.min(across(value), width - 20)} y={HEIGHT - 4} textAnchor="middle">
+              <text key={value} className="chart-label" x={Math.min(across(value), width - HALF_LABEL_PX)} y={HEIGHT - 4} textAnchor="middle">
                 {duration(value)}
               </text>
             ))}
@@ -110,12 +114,12 @@ export function LineChart({ title, note, lines, format }: Props) {
 }
 
 /** What is said of a chart that nobody reads a value of. */
-function overview(lines: readonly Line[], highest: number, format: (value: number) => string, note?: string): string {
+function overview(lines: readonly Line[], highest: number, format: (value: number) => string, over?: boolean, note?: string): string {
   const [only] = lines;
   if (lines.every(({ points }) => points.length === 0)) return lines.length > 1 ? "not measured" : "not measured yet";
   const most = `at most ${format(highest)}`;
   const last = lines.length === 1 ? only?.points.at(-1) : undefined;
-  return `${last ? `now ${format(last[1])}, ` : ""}${most}${note ? ` · ${note}` : ""}`;
+  return `${last ? `${over ? "at the end" : "now"} ${format(last[1])}, ` : ""}${most}${note ? ` · ${note}` : ""}`;
 }
 
 /** The values at a time; of several lines, of those that were measured then. */

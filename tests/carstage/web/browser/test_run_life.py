@@ -213,6 +213,26 @@ def measured(run: FakeRun, seconds: int, cores: float, memory_bytes: int) -> Non
         run.event("load", time=time_s, disk_free_bytes=10**10, **taken)
 
 
+def test_of_a_run_that_has_ended_the_end_is_told_and_no_label_of_an_axis_is_cut(
+    open_page: OpenPage, runs: dict[str, FakeRun]
+) -> None:
+    run = runs["stopped"]
+    for time_s in (15.0, 90.0):
+        taken = {"cpu_cores": 1.5, "memory_bytes": 10**9, "written_bytes_s": 105e6}
+        run.event("load", time=run._status["pid_started"] + time_s, disk_free_bytes=1, **taken)
+    page = open_page(at(run))
+    written = page.get_by_role("figure").filter(has_text="Written to disks")
+    expect(written.get_by_role("status")).to_have_text("at the end 105 MB/s, at most 105 MB/s")
+    labels = written.locator(".chart-label").evaluate_all(
+        """(all) => all.map((one) => {
+          const [text, chart] = [one, one.ownerSVGElement].map((x) => x.getBoundingClientRect());
+          return [one.textContent, text.left >= chart.left && text.right <= chart.right];
+        })"""
+    )
+    assert {"50.0 MB/s", "1 min 30 s"} <= {text for text, _ in labels}
+    assert [text for text, whole in labels if not whole] == []
+
+
 def test_runs_are_compared_on_common_axes_at_one_address(
     open_page: OpenPage, runs: dict[str, FakeRun], gui: Gui
 ) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Locator, Page, Route, expect
 
-from browser_pages import field, saved_config, wait_until, wait_until_saved
+from browser_pages import OpenPage, field, saved_config, wait_until, wait_until_saved
 
 pytestmark = pytest.mark.xdist_group("browser")
 
@@ -177,6 +177,26 @@ def test_coverage_says_how_much_nobody_sees(configure: Page) -> None:
     page.get_by_label("Coverage of the ground").select_option("all")
     everything = page.locator(".coverage-share b").inner_text()
     assert int(everything.split()[0]) < int(cameras.split()[0])
+
+
+def test_another_rig_beside_this_one_lies_over_nothing_on_a_low_screen(
+    open_page: OpenPage,
+) -> None:
+    page = open_page("#/configure", width=1024, height=768)
+    page.get_by_role("button", name="Compare", exact=True).click()
+    page.get_by_label("Other rig, top view", exact=True).locator(".plan").wait_for()
+    for view in ("Top view", "3D view", "Side view"):
+        box = page.get_by_label(view, exact=True).bounding_box()
+        assert box is not None
+        assert box["height"] > 100, view
+    covered = page.get_by_role("heading", name="Sensors", exact=True).evaluate(
+        """(heading) => {
+          const box = heading.getBoundingClientRect();
+          const at = (x) => document.elementFromPoint(x, box.top + box.height / 2);
+          return [0, 40, 80, 120].map((x) => at(box.left + x).closest('.sensors') === null);
+        }"""
+    )
+    assert covered == [False] * 4
 
 
 def test_the_outline_is_the_chosen_vehicle_s(configure: Page) -> None:

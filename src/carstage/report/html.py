@@ -36,7 +36,7 @@ code { font: 13px ui-monospace, SFMono-Regular, Menlo, monospace; overflow-wrap:
 .showcase { grid-template-columns: repeat(auto-fit, minmax(min(100%, 380px), 1fr));
   margin: 18px 0 4px; align-items: start; }
 .showcase figure:has(img[alt^="LiDAR from above"]) { grid-row: span 2; }
-.wide { grid-template-columns: repeat(auto-fit, minmax(380px, 1fr)); }
+.wide { grid-template-columns: repeat(auto-fit, minmax(min(100%, 380px), 1fr)); }
 figure { margin: 0; } figure img { width: 100%; height: auto; display: block; border-radius: 8px;
   border: 1px solid var(--line); background: #000; }
 figcaption { color: var(--soft); font-size: 13px; margin: 4px 2px 0; }

@@ -86,6 +86,11 @@ def test_the_page_is_well_formed_and_asks_for_nothing_from_outside(dataset: Path
         assert expected in text
 
 
+def test_no_column_of_the_page_is_wider_than_a_phone(dataset: Path) -> None:
+    page = write_report(dataset).read_text("utf-8")
+    assert max(int(least) for least in re.findall(r"minmax\((\d+)px", page)) <= 320
+
+
 def test_pictures_with_boxes_points_and_masks_come_before_maps_and_charts(dataset: Path) -> None:
     page = write_report(dataset).read_text("utf-8")
     captions = re.findall(r"<figcaption>(.*?)</figcaption>", page)

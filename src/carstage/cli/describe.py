@@ -31,10 +31,12 @@ def describe_config(config: Config, *, offline: bool = False) -> tuple[dict[str,
         "warnings": config.warnings(),
     }
     each = sorted({int(frames) for frames in episodes.costs["frames"]})
+    sensors = len(config.located_sensors())
     frames = f"{each[0]}" if len(each) == 1 else f"{each[0]} to {each[-1]}"
     text = (
         f"{config.name}: {len(episodes)} x {frames} frames, "
-        f"{len(config.located_sensors())} sensors (and {hidden} hidden ones for labels), about "
+        f"{sensors} sensor{'' if sensors == 1 else 's'}"
+        f"{f' (and {hidden} hidden for labels)' if hidden else ''}, about "
         f"{size_text(estimate.dataset_bytes)}, {size_text(estimate.peak_bytes)} at most on the way."
     )
     if config.campaign is not None and config.campaign.sample:

@@ -68,6 +68,11 @@ def page(title: str, body: str) -> str:
     )
 
 
+def counted(count: int, name: str) -> tuple[str, str]:
+    """A tile that counts things of a name."""
+    return f"{name}{'' if count == 1 else 's'}", f"{count:,}"
+
+
 def tiles(figures: Iterable[tuple[str, str]]) -> str:
     """Big numbers with what they count."""
     cells = "".join(

@@ -134,10 +134,10 @@ def _overview(dataset: Dataset, statistics: LabelStatistics) -> str:
     sensors = {sensor.id for episode in episodes for sensor in episode.sensors}
     return html.tiles(
         [
-            ("episodes", f"{len(episodes)}"),
-            ("frames", f"{sum(episode.frames for episode in episodes):,}"),
+            html.counted(len(episodes), "episode"),
+            html.counted(sum(episode.frames for episode in episodes), "frame"),
             ("simulated time", f"{seconds:.1f} s"),
-            ("sensors", f"{len(sensors)}"),
+            html.counted(len(sensors), "sensor"),
             ("objects tracked", f"{statistics.tracks:,}"),
             ("3D boxes", f"{statistics.records:,}"),
             ("visible 2D boxes", f"{statistics.visible:,}"),

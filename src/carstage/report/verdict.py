@@ -35,12 +35,12 @@ def write_validation(path: str | DatasetPath, report: ValidationReport, out: Pat
         '<p class="soft">What <code>carstage validate</code> computed again from the files.</p>'
         + html.tiles(
             [
-                ("episodes", f"{figures['episodes']:,}"),
-                ("frames", f"{figures['frames']:,}"),
+                html.counted(figures["episodes"], "episode"),
+                html.counted(figures["frames"], "frame"),
                 ("files read and hashed", f"{figures['files']:,}"),
                 ("bytes", html.size(figures["bytes"])),
-                ("errors", f"{_total(report, 'error'):,}"),
-                ("warnings", f"{_total(report, 'warning'):,}"),
+                html.counted(_total(report, "error"), "error"),
+                html.counted(_total(report, "warning"), "warning"),
             ]
         )
         + validation_section(report)

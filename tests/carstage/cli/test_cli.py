@@ -194,6 +194,14 @@ def test_config_check_says_what_would_be_recorded(config: Path) -> None:
     assert (summary["episodes"], summary["frames"], summary["hidden_sensors"]) == (3, 30, 2)
 
 
+@pytest.mark.parametrize(
+    ("rig", "told"), [("CAM, kind: rgb", "1 sensor (and 2 hidden"), ("G, kind: gnss", "1 sensor, ")]
+)
+def test_config_check_counts_sensors_in_words(config: Path, rig: str, told: str) -> None:
+    config.write_text(f"rig: {{sensors: [{{id: {rig}}}]}}\n")
+    assert told in invoke("config", "check", config).stdout
+
+
 BAD = {
     "unknown key": (["--set", "fsp=3"], "fsp: unknown key 'fsp'. Did you mean 'fps'?"),
     "negative fps": (["--set", "fps=-5"], "fps: -5 is too small"),

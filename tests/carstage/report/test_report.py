@@ -86,6 +86,12 @@ def test_the_page_is_well_formed_and_asks_for_nothing_from_outside(dataset: Path
         assert expected in text
 
 
+def test_one_episode_is_not_told_as_many(dataset: Path) -> None:
+    page = write_report(dataset).read_text("utf-8")
+    assert "<b>1</b><span>episode</span>" in page
+    assert "<span>sensors</span>" in page
+
+
 def test_no_column_of_the_page_is_wider_than_a_phone(dataset: Path) -> None:
     page = write_report(dataset).read_text("utf-8")
     assert max(int(least) for least in re.findall(r"minmax\((\d+)px", page)) <= 320

@@ -283,7 +283,7 @@ def record(config: Config, out: Path, *, json: bool, report: bool = False, **opt
     if not json:
         if ended.committed + ended.skipped:
             result(f"Dataset: {ended.dataset}")
-        else:
+        elif ended.state != "interrupted":
             note("Nothing was recorded.")
         if report_path is not None:
             result(f"Report:  {report_path}")

@@ -24,6 +24,7 @@ from carstage.cli.app import app, narrowed
 from carstage.cli.doctor import server_setting
 from carstage.cli.loading import loading
 from carstage.config import Config, check_config, dump_config, load_demo, parse_config
+from carstage.runs import RunResult
 from carstage.selftest import Check, Verdict
 from carstage.storage import CommitMarker, FileEntry
 
@@ -200,6 +201,16 @@ def test_config_check_says_what_would_be_recorded(config: Path) -> None:
 def test_config_check_counts_sensors_in_words(config: Path, rig: str, told: str) -> None:
     config.write_text(f"rig: {{sensors: [{{id: {rig}}}]}}\n")
     assert told in invoke("config", "check", config).stdout
+
+
+def test_a_run_that_was_interrupted_is_not_said_to_have_recorded_nothing(
+    config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ended = RunResult("r", tmp_path, tmp_path, "interrupted", 3, 0, 0, 0)
+    monkeypatch.setattr("carstage.runs.run", lambda *_, **__: ended)
+    told = invoke("run", config, "--out", tmp_path / "out").stderr
+    assert "Interrupted: 0 of 3 episodes are in the dataset." in told
+    assert "Nothing was recorded" not in told
 
 
 BAD = {

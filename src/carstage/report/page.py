@@ -156,6 +156,9 @@ def _statistics(statistics: LabelStatistics) -> str:
         return html.bars(title, [(n, c, None) for n, c in zip(names, counts, strict=True)])
 
     levels = list(OCCLUSION_NAMES)
+    by_lidar = binned(
+        "Labels by LiDAR points in the box", bin_names(LIDAR_EDGES, ""), statistics.lidar_points
+    )
     return (
         "<h2>Labels</h2>"
         '<p class="soft">Objects are counted once per episode; the other charts count labels: '
@@ -169,9 +172,7 @@ def _statistics(statistics: LabelStatistics) -> str:
         )
         + binned("Occlusion of visible objects, STAGE-VO level", levels, statistics.occluded)
         + binned("Occlusion of visible objects, by pixels", levels, statistics.occluded_px)
-        + binned(
-            "Labels by LiDAR points in the box", bin_names(LIDAR_EDGES, ""), statistics.lidar_points
-        )
+        + (by_lidar if any(statistics.lidar_points) else "")
         + "</div>"
     )
 

@@ -68,7 +68,8 @@ def count_labels(episodes: Sequence[Episode]) -> LabelStatistics:
                 continue
             statistics.records += 1
             classes[row["track_id"]] = row["class"]
-            points.append(sum(count for _, count in row["num_lidar_points"]))
+            if row["num_lidar_points"]:  # else no LiDAR, or no box to count in
+                points.append(sum(count for _, count in row["num_lidar_points"]))
         statistics.tracks += len(classes)
         statistics.by_class.update(classes.values())
         _add(statistics.lidar_points, np.array(points), LIDAR_EDGES)

@@ -14,6 +14,7 @@ from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
+import pyarrow as pa
 import pytest
 from PIL import Image
 
@@ -23,7 +24,8 @@ from carstage.errors import BadInputError
 from carstage.report import film, html, write_report, write_validation
 from carstage.report.coverage import coverage_section
 from carstage.report.episodes import _events, _summary
-from carstage.report.statistics import bin_names
+from carstage.report.page import _statistics
+from carstage.report.statistics import bin_names, count_labels
 from carstage.spec.road_users import GroupSpec
 from carstage.validation import Problem, ValidationReport, validate_dataset
 from carstage.validation.checks.catalogue import RULES
@@ -143,6 +145,25 @@ def test_frames_that_a_sensor_lacks_are_left_out(dataset: Path, tmp_path: Path) 
 
 def test_a_chart_of_nothing_is_still_a_chart() -> None:
     parse(html.page("t", html.bars("Empty", []) + html.bars("Zero", [("a", 0, None)])))
+
+
+def test_without_lidars_nothing_is_told_of_their_points(
+    dataset: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    episodes = Dataset(dataset).episodes
+    usual = Episode.objects
+    assert "LiDAR points" in _statistics(count_labels(episodes))
+
+    def without(episode: Episode) -> pa.Table:
+        table = usual(episode)
+        at = table.column_names.index("num_lidar_points")
+        none = pa.array([[]] * table.num_rows, table.schema.field(at).type)
+        return table.set_column(at, "num_lidar_points", none)
+
+    monkeypatch.setattr(Episode, "objects", without)
+    counted = count_labels(episodes)
+    assert counted.records > 0
+    assert "LiDAR points" not in _statistics(counted)
 
 
 def test_bins_of_counts_end_before_the_next_and_bins_of_lengths_meet() -> None:

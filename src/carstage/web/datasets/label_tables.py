@@ -126,13 +126,16 @@ class LabelTables:
                     bins=list(OCCLUSION_NAMES),
                     counts=counted.occluded_px,
                 ),
+            ],
+        )
+        if any(counted.lidar_points):
+            found.histograms.append(
                 Histogram(
                     title="LiDAR points per object",
                     bins=bin_names(LIDAR_EDGES, ""),
                     counts=counted.lidar_points,
-                ),
-            ],
-        )
+                )
+            )
         with self._lock:
             self._statistics = {k: v for k, v in self._statistics.items() if k[0] != dataset}
             self._statistics[key] = found

@@ -13,11 +13,13 @@ from PIL import Image
 
 from analytic_dataset import attempt_of, recommit
 from carstage.dataset import Dataset
+from carstage.report.statistics import LIDAR_EDGES, LabelStatistics
 from carstage.storage.local import LocalStore
 from carstage.storage.maps import map_name
 from carstage.web.datasets.history import _signals
 from carstage.web.roots import Roots
 from sites import Site, open_site
+from small_episodes import add_episode
 
 pytestmark = pytest.mark.xdist_group("web")  # one site for all
 
@@ -227,6 +229,20 @@ def test_statistics_count_the_labels(site: Site) -> None:
     assert sum(told["frames_by_map"].values()) == episode.frames
     for histogram in told["histograms"]:
         assert len(histogram["bins"]) == len(histogram["counts"])
+
+
+def test_statistics_tell_lidar_points_only_where_a_lidar_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    add_episode(tmp_path / "few", "0123456789abcdef")
+    titles = []
+    for counts in ([0] * len(LIDAR_EDGES), [1] * len(LIDAR_EDGES)):
+        counted = LabelStatistics(lidar_points=counts)
+        monkeypatch.setattr("carstage.report.statistics.count_labels", lambda _, c=counted: c)
+        with open_site(tmp_path) as client:
+            told = client.get("/api/datasets/few/statistics").json()
+        titles.append({histogram["title"] for histogram in told["histograms"]})
+    assert titles[1] - titles[0] == {"LiDAR points per object"}
 
 
 def test_sweeps_are_put_together_where_the_ego_is_now(site: Site) -> None:

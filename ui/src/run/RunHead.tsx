@@ -5,7 +5,7 @@ import { href } from "../app/routes";
 import { Place } from "../ui/CopyText";
 import { Icon } from "../ui/Icon";
 import { RunActions } from "./RunActions";
-import { isActive, stateOf } from "./states";
+import { isActive, mayHaveDataset, stateOf } from "./states";
 
 /** Name, state, and the button that stops: first after this frame, then at once. */
 export function RunHead({ run }: { run: RunSummary }) {
@@ -30,9 +30,11 @@ export function RunHead({ run }: { run: RunSummary }) {
         </a>
       )}
       <span className="spacer" />
-      <a className="button" href={href({ page: "datasets", dataset: run.dataset })}>
-        Open the dataset
-      </a>
+      {mayHaveDataset(run) && (
+        <a className="button" href={href({ page: "datasets", dataset: run.dataset })}>
+          Open the dataset
+        </a>
+      )}
       {(isActive(run) || run.alive === "queued") && (
         <button
           type="button"

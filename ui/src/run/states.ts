@@ -26,3 +26,8 @@ export function stateOf(run: RunSummary): RunState {
 export function isActive(run: RunSummary): boolean {
   return run.alive === "running" || run.alive === "stalled";
 }
+
+/** What ended before it had a folder has recorded nothing: there may be no dataset. */
+export function mayHaveDataset(run: RunSummary): boolean {
+  return Boolean(run.folder) || isActive(run) || run.alive === "queued";
+}

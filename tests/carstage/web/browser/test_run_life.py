@@ -213,6 +213,16 @@ def measured(run: FakeRun, seconds: int, cores: float, memory_bytes: int) -> Non
         run.event("load", time=time_s, disk_free_bytes=10**10, **taken)
 
 
+def test_why_a_log_has_no_line_is_told_in_one_line(
+    open_page: OpenPage, runs: dict[str, FakeRun]
+) -> None:
+    page = open_page(at(runs["sampled"]))
+    log = page.get_by_label("Log", exact=True)
+    log.get_by_role("button", name="warnings").click()
+    why = log.get_by_text("There is neither a warning nor an error.")
+    assert why.evaluate("(line) => line.getBoundingClientRect().height") < 30
+
+
 def test_of_a_run_that_has_ended_the_end_is_told_and_no_label_of_an_axis_is_cut(
     open_page: OpenPage, runs: dict[str, FakeRun]
 ) -> None:

@@ -44,3 +44,8 @@ class WatchedClock:
         """One tick of the world; its frame number."""
         with self._watch.over_a_tick():
             return int(self._world.tick())
+
+    def apply_settings(self, settings: Any) -> None:
+        """Use other settings of the world; CARLA 0.9.13's client ticks once with them."""
+        with self._watch.over_a_tick():
+            self._world.apply_settings(settings)

@@ -65,6 +65,10 @@ class TrialScene:
             frame = self.session.clock.tick()
         return frame
 
+    def apply_settings(self, settings: carla.WorldSettings) -> None:
+        """Use other settings of the world, which some clients tick once for."""
+        self.session.clock.apply_settings(settings)
+
     def until(self, happened: Callable[[], bool], what: str, at_most: int = 200) -> None:
         """Tick until something has happened.
 

@@ -81,7 +81,7 @@ def _settings(scene: TrialScene) -> None:
     settings.fixed_delta_seconds = 0.1
     settings.substepping, settings.max_substeps = True, 16
     settings.max_substep_delta_time = 0.02
-    scene.world.apply_settings(settings)
+    scene.apply_settings(settings)
     try:
         scene.ticks()
         expect(abs(scene.world.get_snapshot().delta_seconds - 0.1) < 1e-6, "the step is longer")
@@ -89,7 +89,7 @@ def _settings(scene: TrialScene) -> None:
         expect(read.synchronous_mode and read.max_substeps == 16, "settings read back")
         expect(abs(read.max_substep_delta_time - 0.02) < 1e-9, "substep reads back")
     finally:
-        scene.world.apply_settings(before)
+        scene.apply_settings(before)
     scene.ticks(2)
     expect(abs(scene.world.get_snapshot().delta_seconds - 0.05) < 1e-6, "the step is back")
 
@@ -102,11 +102,11 @@ def _no_rendering(scene: TrialScene) -> None:
     camera = scene.spawn("sensor.camera.rgb", above, None, **size)
     before, settings = scene.world.get_settings(), scene.world.get_settings()
     settings.no_rendering_mode = True
-    scene.world.apply_settings(settings)
+    scene.apply_settings(settings)
     images: list[int] = []
     camera.listen(lambda image: images.append(image.frame))
     last_without = scene.ticks(3)
-    scene.world.apply_settings(before)
+    scene.apply_settings(before)
     scene.until(lambda: bool(images), "a picture after rendering was turned on")
     expect(min(images) > last_without, "a picture was sent while rendering was off")
 
@@ -122,9 +122,9 @@ def _kept_settings(scene: TrialScene) -> None:
     follows = has("WorldSettings.spectator_as_ego")
     if follows:
         settings.spectator_as_ego = False
-    scene.world.apply_settings(settings)
+    scene.apply_settings(settings)
     read = scene.world.get_settings()
-    scene.world.apply_settings(before)
+    scene.apply_settings(before)
     expect(read.max_culling_distance == 50.0 and read.deterministic_ragdolls, "first two")
     expect(read.tile_stream_distance == 1000.0, "tile_stream_distance")
     expect(read.actor_active_distance == 500.0, "actor_active_distance")

@@ -58,21 +58,24 @@ class LineProgress:
         self._write = write
         self._clock_s = clock_s
         self._next_s = 0.0
-        self._committed = ""
+        self._over: set[str] = set()
         self._began: tuple[float, float] | None = None
 
     def __call__(self, event: events.RunEvent) -> None:
         """Write what an event says; of progress, a line if the last one is some seconds old."""
         for sentence in sentences_of(event):
             self._write(sentence)
-        if isinstance(event, events.EpisodeCommitted):
-            self._committed = event.episode_id
+        match event:
+            case events.EpisodeCommitted() | events.EpisodeFailed() | events.EpisodeSkipped():
+                self._over.add(event.episode_id)
+            case events.AttemptReserved():
+                self._over.discard(event.episode_id)
         if not isinstance(event, events.Progress):
             return
         current, now_s = event.current, self._clock_s()
         if current is None or now_s < self._next_s:
             return
-        if current.episode_id == self._committed and not event.workers:
+        if current.episode_id in self._over and not event.workers:
             return  # it counts as one of those before
         self._next_s = now_s + _PLAIN_EVERY_S
         if event.workers:
@@ -100,7 +103,8 @@ class LineProgress:
         began_s, before = self._began
         if done <= before:
             return None
-        return (now_s - began_s) * (counts.total - counts.skipped - done) / (done - before)
+        left = max(counts.total - counts.skipped - done, 0.0)
+        return (now_s - began_s) * left / (done - before)
 
 
 def _of(done: int, total: int) -> str:

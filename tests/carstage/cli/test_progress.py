@@ -49,6 +49,22 @@ def test_an_episode_that_is_in_the_dataset_is_not_told_of_as_the_next() -> None:
     ]
 
 
+def test_an_episode_that_failed_is_counted_once() -> None:
+    lines: list[str] = []
+    clock_s = iter([0.0, 10.0, 20.0, 30.0])
+    progress = LineProgress(lines.append, lambda: next(clock_s))
+    first = CurrentEpisode("e", 0, "a1", 40, 50, 30, 50)
+    progress(events.Progress("recording", EpisodeCounts(total=2), first))
+    progress(events.EpisodeFailed("e", "a1", "lost"))
+    progress(events.Progress("recording", EpisodeCounts(total=2, failed=1), first))
+    second = CurrentEpisode("f", 1, "a1", 50, 50, 50, 50)
+    progress(events.Progress("recording", EpisodeCounts(total=2, failed=1), second))
+    assert lines[1:] == [
+        "Episode e failed.",
+        "Episode 2 of 2: recorded 50/50 steps, converted 50/50 frames; about 0:00:00 left.",
+    ]
+
+
 def test_episodes_of_a_part_are_counted_from_its_first() -> None:
     lines: list[str] = []
     part = events.Progress("recording", EpisodeCounts(total=2), CurrentEpisode("e", 5, "a1"))

@@ -495,9 +495,10 @@ class Simulation:
             raise SpawnError(f"{type_id}: {error}") from error
         if type_id == EXACT_VOXELS:
             self._drawing.at_once_or_later(self._expect, type_id)
-        if sensor.casts_rays and not self._drawing.busy:
+        if SensorRegistry.looks(type_id):
+            # Not by who draws: while that is busy, asynchronous frames are left out.
             light = isinstance(sensor, RgbCamera)
-            self._drawing.submit(self._expect_look, self.world.weather, light=light)
+            self._measuring.submit(self._expect_look, self.world.weather, light=light)
 
     def _expect(self, type_id: str) -> None:
         try:

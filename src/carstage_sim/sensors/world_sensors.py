@@ -159,10 +159,11 @@ class WorldSensors:
         Args:
             type_id: of what has a shape, or of a sensor with kernels of its own.
         """
-        if type_id == occupancy.TYPE_ID:
-            occupancy.warm_up(self._store.frame([]))
         with self._making:
             self._store.prepare(self._models.keys_of(type_id))
+            frame = self._store.frame([]) if type_id == occupancy.TYPE_ID else None
+        if frame is not None:
+            occupancy.warm_up(frame)
 
     def expect_look(self, weather: Weather, *, light: bool) -> None:
         """Do now what the first look at the town would have to wait for.

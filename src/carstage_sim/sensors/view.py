@@ -409,8 +409,8 @@ class View:
         return self._cameras is not None
 
     def _take_expected(self, cameras: GpuCameras) -> None:
-        # While the card has nothing else to do, the first picture is worked at while it makes the
-        # next; if it is behind, it makes all in less time.
+        # When all pictures of earlier ticks have come, the first is sent while the card makes the
+        # next; if it is behind, it makes all in less time together.
         in_turn = not cameras.busy
         alike: dict[Any, list[Camera]] = {}
         for (camera, film), products in self._expected.items():

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-import threading
-from collections.abc import Callable, Collection, Sequence
+import weakref
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -35,7 +34,8 @@ from carstage_sim.render.scene import Frame
 from carstage_sim.render.sky import Lighting
 
 _MOST_SAMPLES = 8
-_MOST_SIZES = 8
+_MOST_BYTES = 2 << 30
+"""Of the card's memory, for buffers of cameras that were seen before."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,20 +72,15 @@ class Pending:
         readback: where they arrive.
         parts: of each camera, where each picture begins there, and its bytes.
         submission: what makes them.
-        received: called when they are there.
     """
 
     readback: Readback
     parts: list[dict[Product, tuple[int, int]]]
     submission: int
-    received: Callable[[], None]
 
     def pictures(self) -> list[dict[Product, NDArray[np.uint8]]]:
         """Bytes of each camera's pictures, flat; waits for the card. Once."""
-        try:
-            data = self.readback.bytes(self.submission)
-        finally:
-            self.received()
+        data = self.readback.bytes(self.submission)
         return [
             {product: data[a : a + n] for product, (a, n) in of_one.items()}
             for of_one in self.parts
@@ -107,15 +102,14 @@ class GpuCameras:
         self._sampling = SAMPLING[quality]
         self._materials = material_table()
         self._program: CameraProgram | None = None
-        self._under_way = 0
-        self._counting = threading.Lock()
+        self._under_way: set[int] = set()
         self._buffers: dict[tuple[int, int], PictureBuffers] = {}
         self._curves: dict[float, Any] = {}
 
     @property
     def busy(self) -> bool:
-        """Whether the card has pictures to make that were not asked for yet."""
-        return self._under_way > 0
+        """Whether pictures were begun that have not been received yet."""
+        return bool(self._under_way)
 
     def most_together(self, pixels: int) -> int:
         """How many cameras with so many pixels may be taken together."""
@@ -175,12 +169,10 @@ class GpuCameras:
         if motions is not None and Product.FLOW in products:
             self._write_motions(place, motions)
         submission = finish(exposure)
-        self._count(1)
-        return Pending(exposure.readback, exposure.parts, submission, partial(self._count, -1))
-
-    def _count(self, more: int) -> None:
-        with self._counting:
-            self._under_way += more
+        self._under_way.add(submission)
+        # Also if nobody asks for them.
+        weakref.finalize(exposure.readback, self._under_way.discard, submission)
+        return Pending(exposure.readback, exposure.parts, submission)
 
     def _write_motions(self, place: PictureBuffers, motions: Motions) -> None:
         words = _motion_words(motions)
@@ -200,14 +192,17 @@ class GpuCameras:
         """The buffers of a lens: what cameras leave in them is read before the next come."""
         first = shots[0]
         key = (id(first.slopes), len(shots))
-        place = self._buffers.get(key)
+        place = self._buffers.pop(key, None)
         if place is None:
-            if len(self._buffers) == _MOST_SIZES:
-                self._buffers.pop(next(iter(self._buffers)))
             size, samples = (first.width, first.height), len(self._sampling.offsets)
             place = PictureBuffers(self._gpu, size, first.slopes, samples, len(shots))
-            self._buffers[key] = place
+            while self._buffers and self._held_bytes() + place.bytes > _MOST_BYTES:
+                self._buffers.pop(next(iter(self._buffers)))
+        self._buffers[key] = place  # the last one that was used is the last one to go
         return place
+
+    def _held_bytes(self) -> int:
+        return sum(place.bytes for place in self._buffers.values())
 
     def _aim(
         self,

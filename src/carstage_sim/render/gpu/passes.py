@@ -28,6 +28,8 @@ SHOT_WORDS = 48 + 32 * MOST_CAMERAS
 TILE = 8
 """Pixels along a side of what a work group takes."""
 _HIT_BYTES = 20
+_PIXEL_BYTES, _EXTRA_BYTES = _HIT_BYTES + 36, _HIT_BYTES + 24
+"""Of all buffers of a pixel, and of an extra ray."""
 _HEAD = 512
 _MOST_PIXELS = 5 << 20
 """Of pictures that are made together: beyond, nothing is gained, and their buffers grow."""
@@ -79,8 +81,7 @@ class ColourBuffers:
 
     def __init__(self, gpu: Gpu, size: tuple[int, int], samples: int) -> None:
         width, height = size
-        most = min(_MOST_EXTRA, gpu.largest // _HIT_BYTES)
-        rows = min(max(most // (width * samples), 1), height)
+        rows = min(max(_most_extra(gpu) // (width * samples), 1), height)
         starts = range(0, height, rows)
         if len(starts) > _MOST_BANDS:
             raise ValueError(f"a picture of {width}x{height} pixels is too large for the card")
@@ -111,6 +112,7 @@ class PictureBuffers:
         slopes_of: the array whose slopes are on the card.
         cameras: how many.
         pixels: of a picture.
+        bytes: of the card's memory that they take, those of colours included.
         invocations: one for each pixel of whole tiles of all pictures.
         whole: what a pass does for the rays through pixels' centres.
         shot, slopes, hits, motions: of the cameras.
@@ -130,6 +132,8 @@ class PictureBuffers:
         self.pixels, self.cameras = width * height, cameras
         pixels, rows = cameras * self.pixels, cameras * height
         self.slopes_of = slopes
+        extra = min(pixels * samples, _most_extra(gpu))
+        self.bytes = 16 * self.pixels + _PIXEL_BYTES * pixels + _EXTRA_BYTES * extra
         self.invocations = cameras * -(-width // TILE) * -(-height // TILE) * TILE * TILE
         self.slopes, self.hits = gpu.storage(16 * self.pixels), gpu.storage(_HIT_BYTES * pixels)
         self.motions = gpu.storage(64)
@@ -161,6 +165,10 @@ def _batch(gpu: Gpu, *words: int) -> Any:
     buffer = gpu.uniform(32)
     gpu.write(buffer, np.array([*words, 0, 0, 0], np.uint32))
     return buffer
+
+
+def _most_extra(gpu: Gpu) -> int:
+    return min(_MOST_EXTRA, gpu.largest // _HIT_BYTES)
 
 
 def most_together(gpu: Gpu, pixels: int) -> int:

@@ -167,9 +167,12 @@ class CatalogTests:
             ("commits/{}.json", {"frames": 10**30}, "frames"),
             ("commits/{}.json", {"versions": {"client": "a\0b"}}, "client"),
             ("commits/{}.json", {"versions": {"client": "a\ud800b"}}, "client"),
-            ("episodes/{}/a1/calibration.json", {"width": "wide"}, "width"),
-            ("episodes/{}/a1/calibration.json", {"kind": ["rgb"]}, "kind"),
-            ("episodes/{}/a1/calibration.json", {"labelled": "yes"}, "labelled"),
+            (
+                "episodes/{}/a1/calibration.json",
+                {"width": 10**30, "K": [[9.0, 0.0, 5.0], [0.0, 9.0, 5.0], [0.0, 0.0, 1.0]]},
+                "width",
+            ),
+            ("episodes/{}/a1/calibration.json", {"kind": "a\0b"}, "kind"),
         ],
     )
     def test_a_value_that_no_column_holds_is_a_problem_of_its_episode(

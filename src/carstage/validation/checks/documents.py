@@ -17,8 +17,6 @@ _TYPES = {
     "actors": dict,
 }
 _GROUPS = ("vehicles", "pedestrians")
-
-
 _BESIDE = {"depth": DEPTH, "instance": INSTANCES}
 
 

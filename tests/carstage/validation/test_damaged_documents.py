@@ -136,7 +136,14 @@ def test_a_table_of_tags_of_another_kind_is_found(dataset: Path, value: Any) -> 
     assert said(dataset, "tag_table")
 
 
-@pytest.mark.parametrize("value", ["x", 7, {}, {"checks": 3}, {"checks": [{}]}])
+@pytest.mark.parametrize("value", ["x", 7])
+def test_a_marker_whose_verdict_is_no_object_is_named(dataset: Path, value: Any) -> None:
+    put(next((dataset / "commits").glob("*.json")), ("self_test",), value)
+    with pytest.raises(DatasetError, match=r"marker .*\.json is damaged \(self_test"):
+        said(dataset, "self_test")
+
+
+@pytest.mark.parametrize("value", [{}, {"checks": 3}, {"checks": [{}]}])
 def test_a_verdict_on_the_server_of_another_kind_is_a_warning(dataset: Path, value: Any) -> None:
     put(next((dataset / "commits").glob("*.json")), ("self_test",), value)
     assert any("is damaged" in message for message in said(dataset, "self_test"))
